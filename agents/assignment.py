@@ -1,0 +1,108 @@
+"""Who goes to which encirclement point: Algorithm 1, as printed and as run.
+
+``algorithm_1`` is the paper's text, N! permutations and all: the reference and the oracle of the
+tests. ``assign`` does the same by linear assignment, for every prediction step at once.
+
+Ties. Algorithm 1 keeps the first permutation it meets, and each robot starts its enumeration with
+its own point, so two robots may break one tie differently and claim one point. All robots must
+agree, so here every robot takes the permutation that Algorithm 1 finds for the *first* robot of the
+team: of the shortest, the lexicographically smallest in robot order. Two sums count as equal if
+they are so in whole microns (``QUANTA_PER_M``), since rounding noise must not decide. In integers
+the rule can be carried by the costs themselves: each distance is shifted left and the low bits hold
+the point's number, the first robot's in the highest place. Sums of up to 8 km stay below 2**53, so
+scipy's double arithmetic is exact. The low bits hold the whole rule up to seven robots; beyond that only
+for as many leading robots as fit, and what is left is broken by scipy's own fixed order.
+"""
+
+from functools import lru_cache
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from protocol.messages import QUANTA_PER_M
+
+TIE_BITS = 20
+
+
+def algorithm_1(costs: NDArray[np.float64], own: int) -> tuple[int, float]:
+    """Algorithm 1 for robot ``own``, literally: its point and the minimal sum of costs.
+
+    ``costs``: (N, N), robot n's distance to point q in [n, q]. Lines are the paper's.
+    """
+    count = len(costs)
+    minimum = float(sum(costs[n, n] for n in range(count)))  # 11
+    chosen = own  # 12
+    others = [n for n in range(count) if n != own]
+    for k in range(count):  # 13
+        rest = [q for q in range(count) if q != k]  # 14, 15
+        for permutation in permutations(rest):  # 16, 22
+            total = costs[own, k] + sum(
+                costs[n, q] for n, q in zip(others, permutation, strict=True)
+            )
+            if total < minimum:  # 18
+                minimum, chosen = float(total), k  # 19, 20
+    return chosen, minimum
+
+
+def assign_by_enumeration(costs: NDArray[np.float64]) -> tuple[tuple[int, ...], float]:
+    """The permutation that ``algorithm_1`` finds for the first robot, whole, and its sum."""
+    count = len(costs)
+    best, minimum = tuple(range(count)), float(sum(costs[n, n] for n in range(count)))
+    for permutation in permutations(range(count)):
+        total = float(sum(costs[n, q] for n, q in enumerate(permutation)))
+        if total < minimum:
+            best, minimum = permutation, total
+    return best, minimum
+
+
+def whole_microns(distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances in m as whole numbers of ``QUANTUM_M``, held in doubles."""
+    return np.rint(distances * QUANTA_PER_M)
+
+
+@lru_cache(maxsize=256)
+def _preference(count: int, columns: int) -> NDArray[np.float64]:
+    """(count, columns * count) low bits that make the lexicographically smallest win, see above."""
+    leading = 0
+    while leading < count and count ** (leading + 1) <= 2**TIE_BITS:
+        leading += 1
+    place = np.zeros(count)
+    place[:leading] = float(count) ** np.arange(leading - 1, -1, -1)
+    bits = place[:, None] * np.arange(count)[None, :]
+    return np.tile(bits, (1, columns))
+
+
+def assign(
+    team: NDArray[np.float64], points: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Assign N robots to N points for each of G rings.
+
+    ``team``: (N, 2) and ``points``: (G, N, 2) in m. Returns each robot's point (G, N) and its
+    distance to it (G, N) in m.
+    """
+    rings, count, _ = points.shape
+    distances = cdist(team, points.reshape(rings * count, 2))
+    costs = whole_microns(distances)
+    costs *= 2.0**TIE_BITS
+    costs += _preference(count, rings)
+    choice = np.array(
+        [
+            linear_sum_assignment(costs[:, first : first + count])[1]
+            for first in range(0, rings * count, count)
+        ]
+    )
+    chosen = _starts(rings, count) + choice
+    return choice, distances[_rows(count), chosen]
+
+
+@lru_cache(maxsize=256)
+def _starts(rings: int, count: int) -> NDArray[np.intp]:
+    return np.arange(0, rings * count, count)[:, None]
+
+
+@lru_cache(maxsize=256)
+def _rows(count: int) -> NDArray[np.intp]:
+    return np.arange(count)

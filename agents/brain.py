@@ -1,0 +1,159 @@
+"""The robot's brain: a pure function from state and observation to state and action.
+
+One step folds what was seen and heard into the peer table and the target's track, lets the strategy
+choose on this robot's own view, and keeps the choice within what the robot can do and from
+collisions. No clock, no link, no log, no random draw.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents import kalman, team
+from agents.avoid import avoid
+from agents.kalman import Detection, Track
+from agents.search import Search, search_goal
+from agents.spline import extrapolate
+from agents.strategies import Choice, Strategy, View
+from protocol.messages import Command, Observation, Point, Pose, quantise_m
+from protocol.parameters import Parameters
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """What stays the same for one robot all through a run."""
+
+    robot: str
+    team: tuple[str, ...]
+    tick_s: float
+    strategy: Strategy
+    parameters: Parameters
+
+    @property
+    def own(self) -> int:
+        """This robot's place in the team."""
+        return self.team.index(self.robot)
+
+
+class BrainState(NamedTuple):
+    """All that a robot remembers from one tick to the next."""
+
+    peers: team.PeerTable
+    track: Track
+    position: Point | None
+    search: Search | None
+
+
+class Action(NamedTuple):
+    """What one step of the brain gives away: a packet for its peers, a command for its body."""
+
+    pose: Pose
+    command: Command
+
+
+def initial(role: Role) -> BrainState:
+    """The state of a robot that knows nothing yet."""
+    return BrainState((None,) * len(role.team), kalman.NO_TRACK, None, None)
+
+
+def step(
+    state: BrainState, observation: Observation, packets: Sequence[Pose], role: Role
+) -> tuple[BrainState, Action]:
+    """One tick. ``packets``: the decoded inbox, in any order, senders in ``role.team``."""
+    index = {robot: place for place, robot in enumerate(role.team)}
+    # Arrival order is never information.
+    ordered = sorted([(p.tick, index[p.robot], p.sequence, p) for p in packets])
+    heard = [(place, packet) for _, place, _, packet in ordered]
+    seen = [(index[robot], position) for robot, position in observation.seen if robot in index]
+    tick, own = observation.tick, index[role.robot]
+    peers = team.fold(state.peers, heard, seen, tick, role.tick_s)
+    track = kalman.fold(
+        state.track, _detections(observation, own, heard), tick, role.tick_s, role.parameters
+    )
+    mates = team.team_of(peers, own, observation.position, tick, role.parameters)
+    choice, predictor, search = _choose(state.search, track, mates, observation, role)
+    estimate = track.estimate
+    x, y = observation.position
+    wanted = _limited(choice.step, role.parameters.step_m_max)
+    safe = avoid(
+        wanted,
+        observation.scan,
+        [(px - x, py - y) for _, (px, py) in observation.seen],
+        (estimate.x - x, estimate.y - y) if estimate else None,
+        role.parameters,
+    )
+    before = state.position or observation.position
+    pose = Pose(
+        role.robot,
+        tick,
+        tick,
+        observation.position,
+        ((x - before[0]) / role.tick_s, (y - before[1]) / role.tick_s),
+        observation.target,
+        choice.mode,
+        choice.xi,
+        choice.point,
+    )
+    command = Command(
+        role.robot,
+        tick,
+        (quantise_m(safe[0]), quantise_m(safe[1])),
+        choice.mode,
+        choice.xi,
+        choice.point,
+        choice.goal,
+        (estimate.x, estimate.y) if estimate else None,
+        predictor,
+        tuple([role.team[place] for place in mates.members]),
+    )
+    return BrainState(peers, track, observation.position, search), Action(pose, command)
+
+
+def _detections(
+    observation: Observation, own: int, heard: Sequence[tuple[int, Pose]]
+) -> list[Detection]:
+    """Every detection that reached this robot at this tick, its own included."""
+    found = [
+        Detection(packet.tick, place, *packet.detection)
+        for place, packet in heard
+        if packet.detection is not None and packet.tick < observation.tick
+    ]
+    if observation.target is not None:
+        found.append(Detection(observation.tick, own, *observation.target))
+    return found
+
+
+def _choose(
+    search: Search | None, track: Track, mates: team.Team, observation: Observation, role: Role
+) -> tuple[Choice, str | None, Search | None]:
+    """The strategy's choice, what predicted the target, and the search that is under way."""
+    parameters, tick = role.parameters, observation.tick
+    estimate = track.estimate
+    if estimate is None:
+        x, y = observation.position
+        search = search or Search(x, y, tick)
+        goal = search_goal(search, tick, role.own, len(role.team), parameters)
+        return Choice("search", (goal[0] - x, goal[1] - y), goal), None, search
+    predictor = ""
+
+    def predict(xi_grid: tuple[float, ...]) -> NDArray[np.float64]:
+        nonlocal predictor
+        predicted, predictor = extrapolate(track, xi_grid, role.tick_s, parameters)
+        return predicted
+
+    view = View(mates.own, mates.positions, np.array((estimate.x, estimate.y)), predict, parameters)
+    choice = role.strategy(view)
+    return choice, predictor or None, None
+
+
+def _limited(step: Point, length_m_max: float) -> Point:
+    """A step shortened to the longest that the robot can make."""
+    length = hypot(*step)
+    if length <= length_m_max:
+        return step
+    scale = length_m_max / length
+    return step[0] * scale, step[1] * scale

@@ -1,0 +1,164 @@
+"""Kalman filter over everybody's detections of the target, late ones put in their place.
+
+Constant-velocity model with white acceleration noise, position measured, noise isotropic. The two
+axes are then the same filter run twice: one 2 x 2 covariance serves both, and several detections of
+one tick are exactly one detection at their mean with the variance divided by their number. Steps
+are filterpy's ``predict`` and ``update``. The covariance and gain depend on the numbers of
+detections only, not on what was detected, so a step of the covariance is remembered (rounded to
+1e-12, so that the recursion comes to rest) and a step of the mean is a handful of multiplications.
+
+Raw detections travel, with origin and tick, never estimates. A detection that arrives late is put
+at its tick and the filter is run again from there over its short window, so the result is the same
+as if everything had arrived in order, and nothing is counted twice.
+"""
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from filterpy.common import Q_discrete_white_noise
+from filterpy.kalman import predict, update
+
+from protocol.parameters import Parameters
+
+COVARIANCE_DIGITS = 12
+
+
+class Estimate(NamedTuple):
+    """Mean (m, m/s) and per-axis covariance (p00, p01, p11) of the target's state at a tick."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    covariance: tuple[float, float, float]
+
+
+class Detection(NamedTuple):
+    """Where robot number ``origin`` detected the target at ``tick``, in m."""
+
+    tick: int
+    origin: int
+    x: float
+    y: float
+
+
+class Entry(NamedTuple):
+    """One tick of the window: its detections by origin, and the filtered estimate after them."""
+
+    detections: tuple[Detection, ...]
+    estimate: Estimate | None
+
+
+class Track(NamedTuple):
+    """The filter's state: entries for the ticks ``first_tick``, ``first_tick + 1``, ..."""
+
+    first_tick: int
+    entries: tuple[Entry, ...]
+    detected_tick: int
+    """Newest tick at which anyone is known to have detected the target; -1 before the first."""
+    dropped: int
+    """Detections that came too late for the window."""
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The newest estimate, None while nothing is known."""
+        return self.entries[-1].estimate if self.entries else None
+
+
+NO_TRACK = Track(0, (), -1, 0)
+
+
+def fold(
+    track: Track, detections: Iterable[Detection], tick: int, tick_s: float, parameters: Parameters
+) -> Track:
+    """The track at ``tick`` (one after the track's last) with these detections folded in.
+
+    A track older than ``track_age_ticks_max`` is given up and starts anew with the next detection.
+    """
+    entries = list(track.entries)
+    entries.append(Entry((), None))
+    first = max(track.first_tick, tick - parameters.window_ticks + 1)
+    del entries[: len(entries) - (tick - first + 1)]
+    dirty = len(entries) - 1
+    newest, dropped = track.detected_tick, track.dropped
+    for detection in detections:
+        place = detection.tick - first
+        # The first entry is the checkpoint from which the rest is run again: it stays as it is,
+        # unless it is the very beginning of the run.
+        if place < (0 if first == 0 else 1):
+            dropped += 1
+            continue
+        known = entries[place].detections
+        if any(d.origin == detection.origin for d in known):
+            continue
+        entries[place] = Entry((*known, detection), None)
+        dirty = min(dirty, place)
+        newest = max(newest, detection.tick)
+    if newest < tick - parameters.track_age_ticks_max:
+        return Track(tick + 1, (), -1, dropped)
+    noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
+    before = entries[dirty - 1].estimate if dirty else None
+    for place in range(dirty, len(entries)):
+        heard = entries[place].detections
+        before = _step(before, heard, noise, parameters.velocity_mps_std)
+        entries[place] = Entry(heard, before)
+    return Track(first, tuple(entries), newest, dropped)
+
+
+def _step(
+    before: Estimate | None,
+    detections: tuple[Detection, ...],
+    noise: tuple[float, float, float],
+    velocity_mps_std: float,
+) -> Estimate | None:
+    """One tick of the filter: predict, then update with all of the tick's detections at once."""
+    count = len(detections)
+    if count:
+        # Summed in robot order, not in order of arrival: addition is not associative.
+        heard = sorted(detections) if count > 1 else detections
+        mean_x = sum([d.x for d in heard]) / count
+        mean_y = sum([d.y for d in heard]) / count
+        if before is None:
+            covariance = (noise[2] ** 2 / count, 0.0, velocity_mps_std**2)
+            return Estimate(mean_x, mean_y, 0.0, 0.0, covariance)
+    elif before is None:
+        return None
+    x, y, vx, vy, covariance = before
+    x += noise[0] * vx
+    y += noise[0] * vy
+    covariance, gain_x, gain_v = covariance_step(covariance, count, *noise)
+    if count:
+        error_x, error_y = mean_x - x, mean_y - y
+        x += gain_x * error_x
+        y += gain_x * error_y
+        vx += gain_v * error_x
+        vy += gain_v * error_y
+    return Estimate(x, y, vx, vy, covariance)
+
+
+@lru_cache(maxsize=65_536)
+def covariance_step(
+    covariance: tuple[float, float, float],
+    count: int,
+    tick_s: float,
+    acceleration_mps2_std: float,
+    measurement_m_std: float,
+) -> tuple[tuple[float, float, float], float, float]:
+    """Predict and update one axis's covariance with ``count`` detections; also the Kalman gain.
+
+    The gain is read off filterpy's update as its answer to a unit innovation from a zero mean.
+    """
+    p00, p01, p11 = covariance
+    transition = np.array([[1.0, tick_s], [0.0, 1.0]])
+    process = Q_discrete_white_noise(2, tick_s, acceleration_mps2_std**2)
+    zero = np.zeros(2)
+    _, p = predict(zero, np.array([[p00, p01], [p01, p11]]), transition, process)
+    gain_x = gain_v = 0.0
+    if count:
+        variance = np.array([[measurement_m_std**2 / count]])
+        gain, p = update(zero, p, 1.0, variance, np.array([[1.0, 0.0]]))
+        gain_x, gain_v = float(gain[0]), float(gain[1])
+    after = tuple(round(float(value), COVARIANCE_DIGITS) for value in (p[0, 0], p[0, 1], p[1, 1]))
+    return (after[0], after[1], after[2]), gain_x, gain_v

@@ -1,0 +1,28 @@
+"""How far ahead to look: the prediction step xi* with the smallest weighted variance (Eq. 2-3)."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@lru_cache(maxsize=64)
+def deviation_weights(xi_grid: tuple[float, ...], xi_weight: float) -> NDArray[np.float64]:
+    """f(xi) = exp(k xi), the deviation weighting function, for each xi."""
+    return np.exp(xi_weight * np.array(xi_grid))
+
+
+def variances(distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """V(xi) of Eq. 2 for each row of ``distances`` (G, N) in m; (G,) in m^2."""
+    count = distances.shape[1]
+    mean = np.add.reduce(distances, axis=1, keepdims=True) / count
+    spread = distances - mean
+    spread *= spread
+    result: NDArray[np.float64] = np.add.reduce(spread, axis=1) / count
+    return result
+
+
+def best_step(distances: NDArray[np.float64], xi_grid: tuple[float, ...], xi_weight: float) -> int:
+    """Index into ``xi_grid`` of xi* (Eq. 3). Ties go to the smaller xi."""
+    weighted = variances(distances) * deviation_weights(xi_grid, xi_weight)
+    return int(weighted.argmin())

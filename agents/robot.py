@@ -1,0 +1,77 @@
+"""The robot as a process: asyncio supervises, one thread answers the world round by round.
+
+The supervisor joins the run, watches the world's liveliness token and the signals, and bounds every
+wait. The rounds themselves are run in a thread that waits for messages inside Zenoh, because waking
+an asyncio loop from there costs half as much again as the whole exchange (``docs/architecture.md``).
+"""
+
+import asyncio
+import signal
+from collections.abc import Callable
+
+from agents.core import RobotCore
+from protocol.errors import LinkClosed
+from protocol.keys import robot_key, world_key
+from protocol.links import Link
+from protocol.log import bounded_log
+from protocol.zenoh_link import LinkError, ZenohLink
+
+JOIN_S_MAX = 30.0
+
+
+def answer_rounds(core: RobotCore, link: Link) -> None:
+    """Answer whatever comes until the run ends or the link is closed."""
+    try:
+        while core.ended is None:
+            for key, payload in core.receive(*link.receive()):
+                link.send(key, payload)
+    except LinkClosed:
+        pass
+
+
+async def run_robot(robot: str, run: str, endpoint: str, join_s_max: float = JOIN_S_MAX) -> int:
+    """One robot's life in a run; returns the exit status: 0 if the run was completed."""
+    log = bounded_log()
+    try:
+        link = await asyncio.to_thread(
+            ZenohLink, endpoint, False, robot_key(run, robot, "*"), join_s_max
+        )
+    except LinkError as error:
+        log(f"robot {robot}: {error}")
+        return 1
+    core = RobotCore(robot, run, log)
+    loop = asyncio.get_running_loop()
+    trouble: asyncio.Future[str] = loop.create_future()
+
+    def stop(reason: str) -> None:
+        if not trouble.done():
+            trouble.set_result(reason)
+
+    def world_changed(_key: str, alive: bool) -> None:
+        if not alive:
+            loop.call_soon_threadsafe(stop, f"the world of run {run} is gone")
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop, f"stopped by {number.name}")
+    link.watch(world_key(run, "alive"), world_changed)
+    link.announce(robot_key(run, robot, "alive"))
+    rounds = asyncio.create_task(asyncio.to_thread(answer_rounds, core, link))
+    joining = loop.call_later(join_s_max, _give_up_joining, core, stop, run, endpoint, join_s_max)
+    try:
+        await asyncio.wait([rounds, trouble], return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        joining.cancel()
+        link.stop_receiving()
+        await rounds
+        await asyncio.to_thread(link.close)
+    if core.ended is not None:
+        return 1 if core.ended.startswith("failed") else 0
+    log(f"robot {robot}: {trouble.result() if trouble.done() else 'the link was closed'}")
+    return 1
+
+
+def _give_up_joining(
+    core: RobotCore, stop: Callable[[str], None], run: str, endpoint: str, join_s: float
+) -> None:
+    if core.role is None:
+        stop(f"no world took this robot into run {run} at {endpoint} within {join_s:g} s")

@@ -1,0 +1,236 @@
+"""Messages to bytes and back. One msgpack map per message, string keys, ``v`` and ``run`` first.
+
+Decoding trusts nothing: length, version, run, the exact set of fields, each field's type and every
+number's finiteness are checked, and the error names the field, its value and who sent it. Encoding
+is canonical (fixed field order, no optional fields left out), so equal messages have equal bytes.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from functools import lru_cache
+from typing import Any, TypeAlias, TypeVar
+
+import msgpack
+
+from protocol import VERSION
+from protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
+from protocol.messages import Command, End, Observation, Point, Pose, Radio, Setup, State
+
+Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
+
+M = TypeVar("M", bound=Message)
+A = TypeVar("A")
+B = TypeVar("B")
+
+BYTES_MAX: dict[type[Message], int] = {
+    Setup: 64 * 1024,
+    Observation: 1024 * 1024,
+    Pose: 512,
+    Command: 4 * 1024,
+    End: 1024,
+    State: 256 * 1024,
+    Radio: 256 * 1024,
+}
+TEXT_MAX = 256
+HEADER_BYTES = 9  # map size, "v", version, "run" and the size of a run's name below 32 letters
+SHOWN_MAX = 80
+
+
+def encode(message: Message, run: str) -> bytes:
+    """The message's canonical bytes, for the given run."""
+    body: dict[str, Any] = {"v": VERSION, "run": run}
+    for name in _FIELDS[type(message)]:
+        body[name] = getattr(message, name)
+    payload: bytes = msgpack.packb(body)
+    assert len(payload) <= BYTES_MAX[type(message)], f"{type(message).__name__} of {len(payload)} B"
+    return payload
+
+
+def body_of(payload: bytes, run: str) -> bytes:
+    """The payload without its header (map size, version, run): what a digest covers."""
+    return payload[HEADER_BYTES + len(run) :]
+
+
+@lru_cache(maxsize=4096)
+def decode_pose(payload: bytes, run: str) -> Pose:
+    """As ``decode(Pose, ...)``, remembered: one packet has many receivers in one process."""
+    return decode(Pose, payload, run)
+
+
+def decode(kind: type[M], payload: bytes, run: str) -> M:
+    """Decode and check a payload.
+
+    Raises ``OversizedMessage``, ``MalformedMessage``, ``WrongVersion`` or ``WrongRun``.
+    """
+    if len(payload) > BYTES_MAX[kind]:
+        raise OversizedMessage(
+            f"{kind.__name__} of {len(payload)} bytes, at most {BYTES_MAX[kind]} are allowed"
+        )
+    try:
+        body = msgpack.unpackb(payload, use_list=False)
+    except Exception as error:  # msgpack raises ValueError, TypeError, StackError and others
+        raise MalformedMessage(f"{kind.__name__} is not msgpack: {error or type(error)}") from error
+    if type(body) is not dict:
+        raise MalformedMessage(f"{kind.__name__} is not a map but {_shown(body)}")
+    if body.get("v") != VERSION:
+        raise WrongVersion(
+            f"{kind.__name__} has version {_shown(body.get('v'))}, this program speaks {VERSION}"
+        )
+    if body.get("run") != run:
+        raise WrongRun(f"{kind.__name__} is for run {_shown(body.get('run'))}, this is {run!r}")
+    checks = _CHECKS[kind]
+    if len(body) != len(checks) + 2:
+        raise _wrong_fields(kind, body)
+    values = []
+    for name, check in checks:
+        try:
+            values.append(check(body[name]))
+        except KeyError:
+            raise _wrong_fields(kind, body) from None
+        except (TypeError, ValueError) as error:
+            raise MalformedMessage(
+                f"{kind.__name__} from {_shown(body.get('robot', 'world'))}:"
+                f" {name} is {_shown(body[name])}, must be {error}"
+            ) from None
+    return kind(*values)
+
+
+def _wrong_fields(kind: type[Message], body: Mapping[Any, Any]) -> MalformedMessage:
+    wanted = {"v", "run", *_FIELDS[kind]}
+    missing = sorted(wanted - set(body))
+    unknown = sorted(str(name)[:SHOWN_MAX] for name in set(body) - wanted)
+    return MalformedMessage(f"{kind.__name__}: fields missing {missing}, unknown {unknown[:5]}")
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= SHOWN_MAX else text[:SHOWN_MAX] + "..."
+
+
+def _number(value: Any) -> float:
+    if type(value) is float and math.isfinite(value):
+        return value
+    if type(value) is int and abs(value) < 2**53:
+        return float(value)
+    raise ValueError("a finite number")
+
+
+def _count(value: Any) -> int:
+    if type(value) is int and 0 <= value < 2**53:
+        return value
+    raise ValueError("a whole number of at least 0")
+
+
+def _integer(value: Any) -> int:
+    if type(value) is int and abs(value) < 2**53:
+        return value
+    raise ValueError("a whole number")
+
+
+def _text(value: Any) -> str:
+    if type(value) is str and len(value) <= TEXT_MAX:
+        return value
+    raise ValueError(f"text of at most {TEXT_MAX} characters")
+
+
+def _truth(value: Any) -> bool:
+    if type(value) is bool:
+        return value
+    raise ValueError("true or false")
+
+
+def _packet(value: Any) -> bytes:
+    if type(value) is bytes:
+        return value
+    raise ValueError("bytes")
+
+
+def _point(value: Any) -> Point:
+    try:
+        x, y = value
+        if type(x) is float and type(y) is float and math.isfinite(x) and math.isfinite(y):
+            return value  # type: ignore[no-any-return]  # a tuple of two floats by now
+        return (_number(x), _number(y))
+    except (TypeError, ValueError):
+        raise ValueError("a pair of finite numbers") from None
+
+
+def _scan(value: Any) -> tuple[float, ...]:
+    # An infinite or NaN entry makes the sum not finite: one pass in C instead of one call each.
+    if type(value) is tuple and all(type(v) is float for v in value) and math.isfinite(sum(value)):
+        return value
+    return _many(_number)(value)
+
+
+def _parameters(value: Any) -> dict[str, Any]:
+    if type(value) is dict and all(type(name) is str for name in value):
+        return value
+    raise ValueError("a map with string keys")
+
+
+def _counts(value: Any) -> dict[str, int]:
+    return {_text(name): _count(number) for name, number in _parameters(value).items()}
+
+
+def _optional(check: Callable[[Any], A]) -> Callable[[Any], A | None]:
+    return lambda value: None if value is None else check(value)
+
+
+def _many(check: Callable[[Any], A]) -> Callable[[Any], tuple[A, ...]]:
+    def checked(value: Any) -> tuple[A, ...]:
+        if type(value) is not tuple:
+            raise ValueError("a list")
+        return tuple([check(item) for item in value])
+
+    return checked
+
+
+def _pair(first: Callable[[Any], A], second: Callable[[Any], B]) -> Callable[[Any], tuple[A, B]]:
+    def checked(value: Any) -> tuple[A, B]:
+        if type(value) is not tuple or len(value) != 2:
+            raise ValueError("a list of two")
+        return first(value[0]), second(value[1])
+
+    return checked
+
+
+_BY_NAME: dict[str, Callable[[Any], Any]] = {
+    "robot": _text,
+    "tick": _count,
+    "sequence": _count,
+    "tick_s": _number,
+    "strategy": _text,
+    "parameters": _parameters,
+    "position": _point,
+    "velocity": _point,
+    "step": _point,
+    "heading_rad": _number,
+    "headings_rad": _many(_number),
+    "target": _point,
+    "detection": _optional(_point),
+    "goal": _optional(_point),
+    "estimate": _optional(_point),
+    "scan": _scan,
+    "seen": _many(_pair(_text, _point)),
+    "inbox": _many(_packet),
+    "mode": _text,
+    "xi": _optional(_number),
+    "point": _optional(_count),
+    "predictor": _optional(_text),
+    "team": _many(_text),
+    "refused": _counts,
+    "reason": _text,
+    "robots": _many(_point),
+    "captured": _truth,
+    "contacts": _many(_pair(_text, _text)),
+    "fates": _many(_many(_integer)),
+}
+_FIELDS = {kind: tuple(f.name for f in fields(kind)) for kind in BYTES_MAX}
+_CHECKS = {
+    kind: tuple(
+        (name, _optional(_point) if (kind, name) == (Observation, "target") else _BY_NAME[name])
+        for name in names
+    )
+    for kind, names in _FIELDS.items()
+}

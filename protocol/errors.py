@@ -1,0 +1,57 @@
+"""What can go wrong with something that arrived from elsewhere.
+
+Remote input raises one of these; the shell that received it counts it under ``cause``, logs it with
+its key and goes on. Our own misuse of the protocol raises ``AssertionError`` instead.
+"""
+
+
+class ProtocolError(Exception):
+    """Remote input that is refused. ``cause`` is the name under which it is counted."""
+
+    cause = "refused"
+
+
+class MalformedMessage(ProtocolError):
+    """Not msgpack, not a map, a field missing, unknown, of a wrong type or not finite."""
+
+    cause = "malformed"
+
+
+class OversizedMessage(ProtocolError):
+    """Longer than the limit for its kind."""
+
+    cause = "oversized"
+
+
+class WrongVersion(ProtocolError):
+    """Written for another version of the wire format."""
+
+    cause = "wrong-version"
+
+
+class WrongRun(ProtocolError):
+    """Belongs to another run."""
+
+    cause = "wrong-run"
+
+
+class WrongSender(ProtocolError):
+    """The robot named inside the message is not the one whose key it came on."""
+
+    cause = "wrong-sender"
+
+
+class UnknownKey(ProtocolError):
+    """A key that is not part of the protocol."""
+
+    cause = "unknown-key"
+
+
+class OutOfTurn(ProtocolError):
+    """A message that the lock-step table does not allow now: unknown robot, wrong tick, or twice."""
+
+    cause = "out-of-turn"
+
+
+class LinkClosed(Exception):
+    """The link was closed while somebody waited on it; not an error of the peer."""

@@ -1,0 +1,48 @@
+"""Zenoh keys of a run: ``encircle/{run}/robots/{id}/{channel}`` and ``encircle/{run}/world/{channel}``."""
+
+import re
+from typing import NamedTuple
+
+from protocol.errors import UnknownKey
+
+ROBOT_CHANNELS = ("setup", "observation", "end", "pose", "command", "alive")
+WORLD_CHANNELS = ("state", "radio", "alive")
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,31}")
+
+
+class Key(NamedTuple):
+    """A parsed key; ``robot`` is None for the world's own channels."""
+
+    run: str
+    robot: str | None
+    channel: str
+
+
+def check_name(kind: str, name: str) -> str:
+    """Return a run or robot name that may stand in a key; ``ValueError`` says what is wrong."""
+    if not _NAME.fullmatch(name):
+        raise ValueError(
+            f"{kind} {name!r} is not a valid name: use 1 to 31 letters, digits, '-' or '_'"
+        )
+    return name
+
+
+def robot_key(run: str, robot: str, channel: str) -> str:
+    """Key of one robot's channel; ``*`` stands for any."""
+    return f"encircle/{run}/robots/{robot}/{channel}"
+
+
+def world_key(run: str, channel: str) -> str:
+    """Key of one of the world's channels."""
+    return f"encircle/{run}/world/{channel}"
+
+
+def parse_key(key: str) -> Key:
+    """Take a key apart; raises ``UnknownKey`` for one that is not of the protocol."""
+    match key.split("/"):
+        case ["encircle", run, "robots", robot, channel] if channel in ROBOT_CHANNELS:
+            return Key(run, robot, channel)
+        case ["encircle", run, "world", channel] if channel in WORLD_CHANNELS:
+            return Key(run, None, channel)
+        case _:
+            raise UnknownKey(f"key {key[:200]!r} is not part of the protocol")

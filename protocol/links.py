@@ -1,0 +1,75 @@
+"""What a link is, and the one that stays in memory.
+
+A link carries ``(key, payload)`` pairs between parties that know nothing else of each other. The
+shells of robot and world are written against ``Link`` and run unchanged over either kind.
+"""
+
+import queue
+from collections.abc import Iterable
+from typing import Protocol
+
+from protocol.errors import LinkClosed
+
+QUEUE_MAX = 65_536
+
+
+class Link(Protocol):
+    """Ordered, reliable delivery of messages by key, as long as both ends live."""
+
+    def send(self, key: str, payload: bytes) -> None:
+        """Hand a message over; may block for a bounded time, never loses it silently."""
+
+    def receive(self) -> tuple[str, bytes]:
+        """Wait for the next message; raises ``LinkClosed`` once the link is closed."""
+
+    def close(self) -> None:
+        """Close the link and wake whoever waits in ``receive``. May be called twice."""
+
+
+class MemoryHub:
+    """Joins memory links: what one sends reaches every other that takes its key."""
+
+    def __init__(self) -> None:
+        self._links: list[MemoryLink] = []
+
+    def link(self, prefixes: Iterable[str]) -> "MemoryLink":
+        """A new link that takes every key starting with one of ``prefixes``."""
+        link = MemoryLink(self, tuple(prefixes))
+        self._links.append(link)
+        return link
+
+    def deliver(self, sender: "MemoryLink", key: str, payload: bytes) -> None:
+        """Put a message into the queue of each link that takes it, but its sender's."""
+        for link in self._links:
+            if link is not sender and key.startswith(link.prefixes):
+                link.inbox.put((key, payload), timeout=10.0)
+
+
+class MemoryLink:
+    """A ``Link`` inside one process, for tests of the shells and for hunts without processes."""
+
+    def __init__(self, hub: MemoryHub, prefixes: tuple[str, ...]) -> None:
+        self._hub = hub
+        self._closed = False
+        self.prefixes = prefixes
+        self.inbox: queue.Queue[tuple[str, bytes] | None] = queue.Queue(QUEUE_MAX)
+
+    def send(self, key: str, payload: bytes) -> None:
+        """Deliver at once to every other link that takes the key."""
+        if self._closed:
+            raise LinkClosed("this link is closed")
+        self._hub.deliver(self, key, payload)
+
+    def receive(self) -> tuple[str, bytes]:
+        """The next message, waiting for it; ``LinkClosed`` when closed and empty."""
+        item = self.inbox.get()
+        if item is None:
+            self.inbox.put(None)
+            raise LinkClosed("this link is closed")
+        return item
+
+    def close(self) -> None:
+        """Close, and wake the receiver."""
+        if not self._closed:
+            self._closed = True
+            self.inbox.put(None)

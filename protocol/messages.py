@@ -1,0 +1,128 @@
+"""The messages, as frozen values. Units: metres, seconds, radians; velocities in m/s.
+
+Every length that crosses the wire is a whole multiple of ``QUANTUM_M`` (2**-20 m, about a micron).
+That is finer than any sensor and coarser than floating-point noise, so that a last-bit difference
+between two machines' mathematical libraries does not grow into a different run.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+Point: TypeAlias = tuple[float, float]
+
+QUANTA_PER_M = float(2**20)
+QUANTUM_M = 1.0 / QUANTA_PER_M
+
+
+def quantise_m(length_m: float) -> float:
+    """Round a length in m to the nearest multiple of ``QUANTUM_M`` (ties to even)."""
+    return round(length_m * QUANTA_PER_M) / QUANTA_PER_M
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """World to robot, once at joining: all that a robot needs to know besides its own id.
+
+    ``team`` lists every robot's id in robot order, the order in which all ties break.
+    """
+
+    robot: str
+    team: tuple[str, ...]
+    tick_s: float
+    strategy: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """World to robot, once per tick: what its sensors and its radio give it.
+
+    ``scan[m]`` is the distance in m from the robot's centre to the nearest surface along the ray
+    with bearing ``2 pi m / len(scan)`` in the world frame, or the sensing range if there is none.
+    ``seen`` holds the robots in range and in sight as ``(id, (x, y))``. ``inbox`` holds the pose
+    packets that the radio delivers at this tick, as their senders encoded them.
+    """
+
+    robot: str
+    tick: int
+    position: Point
+    heading_rad: float
+    target: Point | None
+    scan: tuple[float, ...]
+    seen: tuple[tuple[str, Point], ...]
+    inbox: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Robot to its peers, by radio: where it is, what it saw of the target, what it is up to."""
+
+    robot: str
+    tick: int
+    sequence: int
+    position: Point
+    velocity: Point
+    detection: Point | None
+    mode: str
+    xi: float | None
+    point: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Robot to world, once per tick: the step it wants to make, and for the record why.
+
+    ``estimate`` is its estimate of the target's position, ``goal`` the point it heads for,
+    ``team`` the robots it planned with, ``predictor`` what made the prediction (``spline``,
+    ``velocity`` or ``hold``), ``refused`` how many messages it has refused so far, by cause.
+    """
+
+    robot: str
+    tick: int
+    step: Point
+    mode: str
+    xi: float | None
+    point: int | None
+    goal: Point | None
+    estimate: Point | None
+    predictor: str | None
+    team: tuple[str, ...]
+    refused: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """World to robot: the run is over. ``reason`` is ``captured``, ``ticks`` or ``failed: ...``."""
+
+    robot: str
+    tick: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """World to anyone who looks on: the truth at a tick.
+
+    ``robots``: N positions in robot order. ``headings_rad``: N headings. ``contacts``: pairs of
+    body names whose motion was cut short by touching since the last tick.
+    """
+
+    tick: int
+    robots: tuple[Point, ...]
+    headings_rad: tuple[float, ...]
+    target: Point
+    captured: bool
+    contacts: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Radio:
+    """World to recorders: the fate of each packet sent at a tick.
+
+    ``fates[sender][receiver]`` is the tick at which the packet will be delivered, or minus a cause
+    code (``world.channel.CAUSES``) if it is lost; 0 where there was no packet.
+    """
+
+    tick: int
+    fates: tuple[tuple[int, ...], ...]

@@ -1,0 +1,146 @@
+"""What a robot can be told about how to hunt. Defaults are the paper's where it gives a value.
+
+The others were chosen by measurement; ``docs/paper.md`` has the tables. The world sends the
+parameters in ``setup``; a robot refuses names it does not know.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from math import pi
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """Parameters of one robot's brain; lengths in m, angles in rad, ages in ticks."""
+
+    radius_m: float = 0.5
+    target_radius_m: float = 0.5
+    step_m_max: float = 0.3
+    sensing_range_m: float = 6.0
+    ring_radius_m: float = 4.0
+    """rho, the radius of the ring of encirclement (Eq. 1)."""
+    stop_distance_m: float = 1.3
+    """D_stop: a robot this close to the target goes no further."""
+    xi_grid: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    """Prediction steps to choose from (Eq. 3), ascending."""
+    xi_weight: float = 0.05
+    """k in f(xi) = exp(k xi) (Eq. 3)."""
+    near_factor: float = 1.5
+    """k1: robots within k1 rho are in the target's vicinity."""
+    deviation_gain: float = 2.0
+    """k2 (Eq. 6)."""
+    enclosure_rad: float = 1.1 * pi
+    """theta_th, the threshold of the enclosure test."""
+    enclosure: str = "gap"
+    """Reading of the enclosure test: ``gap``, ``span`` or ``printed`` (``agents.shrink``)."""
+    allowance_rad: float = pi / 12
+    """w, half the width of the allowance interval around 360/N degrees (Eq. 6)."""
+    deviation_rad_max: float = pi / 3
+    """Cap on the magnitude of beta (Eq. 6)."""
+    spline_samples: int = 4
+    """K, how many samples the spline is fitted to."""
+    spline_spacing_ticks: int = 3
+    """Ticks between two samples of the spline."""
+    spline_ends: str = "natural"
+    """End condition of the spline: ``natural`` or ``not-a-knot``."""
+    measurement_m_std: float = 0.05
+    """Standard deviation that the filter ascribes to a detection, per axis."""
+    acceleration_mps2_std: float = 10.0
+    """Standard deviation of the target's acceleration in the filter's motion model."""
+    velocity_mps_std: float = 3.0
+    """Standard deviation of the target's velocity before anything is known of it."""
+    window_ticks: int = 30
+    """How far back a late detection may lie and still be put in its place."""
+    track_age_ticks_max: int = 50
+    """A target not detected by anyone for longer is lost; the search begins again."""
+    peer_policy: str = "extrapolate"
+    """What to do with a stale peer: ``hold`` its position or ``extrapolate`` its velocity."""
+    peer_age_ticks_max: int = 50
+    """Peers not heard of for longer are left out of the team."""
+    search: str = "spiral"
+    """Before anything is known of the target: ``hold`` still or ``spiral`` outwards."""
+    clearance_m: float = 0.08
+    """Distance kept between bodies by avoidance, beyond touching."""
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> "Parameters":
+        """Parameters with some values replaced.
+
+        Raises ``ValueError`` naming every unknown key and every value that makes no sense.
+        """
+        known = {f.name: f.default for f in fields(cls)}
+        problems = [f"unknown parameter {name!r}" for name in values if name not in known]
+        given: dict[str, Any] = {}
+        for name, value in values.items():
+            default = known.get(name)
+            if isinstance(default, tuple):
+                try:
+                    given[name] = tuple(float(v) for v in value)
+                except (TypeError, ValueError):
+                    problems.append(f"{name} = {value!r}: must be a list of numbers")
+            elif isinstance(default, str):
+                given[name] = value
+            elif isinstance(value, bool) or not isinstance(value, int | float):
+                problems.append(f"{name} = {value!r}: must be a number")
+            elif isinstance(default, int) and value != int(value):
+                problems.append(f"{name} = {value!r}: must be a whole number")
+            elif default is not None:
+                given[name] = type(default)(value)
+        if not problems:
+            parameters = cls(**given)
+            problems = parameters.problems()
+            if not problems:
+                return parameters
+        raise ValueError("; ".join(problems))
+
+    def problems(self) -> list[str]:
+        """What is wrong with the values; empty if nothing is."""
+        found = []
+        for name, low, high in _RANGES:
+            value = getattr(self, name)
+            if not low <= value <= high:
+                found.append(f"{name} = {value!r}: must be from {low:g} to {high:g}")
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                found.append(f"{name} = {getattr(self, name)!r}: must be one of {choices}")
+        grid = self.xi_grid
+        if not 1 <= len(grid) <= 64 or list(grid) != sorted(set(grid)) or grid[0] < 0:
+            found.append(f"xi_grid = {list(grid)}: must be 1 to 64 ascending steps from 0 up")
+        if (self.spline_samples - 1) * self.spline_spacing_ticks >= self.window_ticks:
+            found.append(
+                f"spline_samples = {self.spline_samples} every {self.spline_spacing_ticks} ticks:"
+                f" must fit into window_ticks = {self.window_ticks}"
+            )
+        return found
+
+
+_RANGES = (
+    ("radius_m", 1e-3, 100.0),
+    ("target_radius_m", 1e-3, 100.0),
+    ("step_m_max", 1e-3, 100.0),
+    ("sensing_range_m", 1e-3, 1e4),
+    ("ring_radius_m", 1e-3, 1e4),
+    ("stop_distance_m", 1e-3, 1e4),
+    ("xi_weight", 0.0, 10.0),
+    ("near_factor", 0.1, 100.0),
+    ("deviation_gain", 0.0, 100.0),
+    ("enclosure_rad", 0.0, 2 * pi),
+    ("allowance_rad", 0.0, pi),
+    ("deviation_rad_max", 0.0, pi),
+    ("spline_samples", 2, 50),
+    ("spline_spacing_ticks", 1, 50),
+    ("measurement_m_std", 1e-4, 100.0),
+    ("acceleration_mps2_std", 1e-4, 1e4),
+    ("velocity_mps_std", 1e-4, 1e4),
+    ("window_ticks", 2, 500),
+    ("track_age_ticks_max", 1, 100_000),
+    ("peer_age_ticks_max", 1, 100_000),
+    ("clearance_m", 0.0, 10.0),
+)
+_CHOICES = {
+    "spline_ends": ("natural", "not-a-knot"),
+    "enclosure": ("printed", "span", "gap"),
+    "peer_policy": ("hold", "extrapolate"),
+    "search": ("hold", "spiral"),
+}

@@ -1,0 +1,6 @@
+"""The arena: physics, sensing, target behaviours and the radio, and the process that runs them.
+
+``engine`` is pure: state and commands in, state and observations out. ``core`` speaks the protocol
+around it without I/O; ``server`` is the process. ``python -m world SCENARIO --listen E --run R``
+starts one.
+"""

@@ -1,0 +1,115 @@
+"""Solid bodies: discs that move at once and never overlap.
+
+Every body moves along its step at constant speed during a tick. When two touch, each loses the part
+of its motion that presses into the other (no body pushes another away; one that gives way may be
+followed) and both slide on. So a robot in the target's way blocks it. Contacts are resolved in
+order of time; if a knot of bodies takes more rounds than the limit, what is left of their steps is
+dropped. ``SKIN_M`` is kept between touching bodies, for rounding.
+"""
+
+from math import hypot, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.messages import QUANTUM_M
+
+SKIN_M = 4 * QUANTUM_M
+PRESSING_M_MIN = 1e-9
+ROUNDS_PER_PAIR_MAX = 8
+
+
+def move(
+    positions: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    steps: NDArray[np.float64],
+    gaps: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], list[tuple[int, int]]]:
+    """Move B bodies among O fixed ones; returns positions (B, 2) and the pairs that touched.
+
+    ``positions`` (B + O, 2) and ``radii`` (B + O,) in m, moving bodies first; ``steps`` (B, 2);
+    ``gaps`` (B, B + O): free distance between surfaces, infinite on the diagonal.
+    """
+    count = len(steps)
+    lengths = np.sqrt((steps * steps).sum(axis=1))
+    reach = lengths[:, None] + SKIN_M
+    closing = gaps - reach
+    closing[:, :count] -= lengths
+    moved = positions[:count] + steps
+    if closing.min() > 0.0:
+        return moved, []
+    pairs = [(i, k) for i, k in np.argwhere(closing <= 0.0).tolist() if i < k]
+    involved = sorted({i for pair in pairs for i in pair})
+    place = {i: positions[i].tolist() for i in involved}
+    motion = {i: steps[i].tolist() if i < count else [0.0, 0.0] for i in involved}
+    apart = {(i, k): float(radii[i] + radii[k]) + SKIN_M for i, k in pairs}
+    touched = _resolve(place, motion, apart)
+    for i in involved:
+        if i < count:
+            moved[i] = place[i]
+    return moved, touched
+
+
+def _resolve(
+    place: dict[int, list[float]],
+    motion: dict[int, list[float]],
+    apart: dict[tuple[int, int], float],
+) -> list[tuple[int, int]]:
+    """Advance ``place`` by ``motion`` over one tick, contact by contact; returns who touched."""
+    left = 1.0
+    touched: set[tuple[int, int]] = set()
+    for _ in range(ROUNDS_PER_PAIR_MAX * len(apart) + ROUNDS_PER_PAIR_MAX):
+        first, when = None, left
+        for pair, distance in apart.items():
+            time = _contact_time(place, motion, pair, distance)
+            if time < when:
+                first, when = pair, time
+        for i, (vx, vy) in motion.items():
+            place[i][0] += when * vx
+            place[i][1] += when * vy
+        left -= when
+        if first is None:
+            break
+        touched.add(first)
+        _stop_pressing(place, motion, first)
+    return sorted(touched)
+
+
+def _contact_time(
+    place: dict[int, list[float]],
+    motion: dict[int, list[float]],
+    pair: tuple[int, int],
+    distance: float,
+) -> float:
+    """When the two come within ``distance`` while approaching, in ticks; infinite if never."""
+    (ax, ay), (bx, by) = place[pair[0]], place[pair[1]]
+    (au, av), (bu, bv) = motion[pair[0]], motion[pair[1]]
+    x, y, u, v = bx - ax, by - ay, bu - au, bv - av
+    inward = x * u + y * v
+    if inward >= -PRESSING_M_MIN * distance:
+        return float("inf")
+    excess = x * x + y * y - distance * distance
+    if excess <= 0.0:
+        return 0.0
+    speed_squared = u * u + v * v
+    root = inward * inward - speed_squared * excess
+    if root <= 0.0:
+        return float("inf")
+    return excess / (sqrt(root) - inward)
+
+
+def _stop_pressing(
+    place: dict[int, list[float]], motion: dict[int, list[float]], pair: tuple[int, int]
+) -> None:
+    """Take from both the motion with which they press into each other."""
+    (ax, ay), (bx, by) = place[pair[0]], place[pair[1]]
+    distance = hypot(bx - ax, by - ay)
+    nx, ny = (bx - ax) / distance, (by - ay) / distance
+    a, b = motion[pair[0]], motion[pair[1]]
+    towards, away = a[0] * nx + a[1] * ny, b[0] * nx + b[1] * ny
+    # One that gives way is followed at its pace; two that press on each other both stop.
+    shared = away if away > 0.0 else towards if towards < 0.0 else 0.0
+    for velocity, along in ((a, towards), (b, away)):
+        if along != shared:
+            velocity[0] += (shared - along) * nx
+            velocity[1] += (shared - along) * ny

@@ -1,0 +1,232 @@
+"""The world's side of the protocol, sans I/O: joins and messages in, messages out.
+
+Round by round: an observation to every robot, a pose and a command back from each, one step of the
+arena. What is refused is counted by cause and told to ``log``. The run's digest covers the truth at
+every tick, every packet's fate, and every pose and command, in robot order; not the run's name, and
+not how or in which order anything arrived. ``settle`` does the work that nobody waits for, digest
+and recording, and is to be called after the outgoing messages were sent.
+"""
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol import VERSION
+from protocol.codec import body_of, decode, decode_pose, encode
+from protocol.errors import OutOfTurn, ProtocolError, WrongSender
+from protocol.keys import parse_key, robot_key, world_key
+from protocol.lockstep import LockStep, Move, Phase
+from protocol.messages import Command, End, Pose, Radio, Setup
+from world import channel as radio
+from world import engine
+
+Outgoing = list[tuple[str, bytes]]
+Record = Callable[[int, str, bytes], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came of a run. ``lost`` counts packets by cause; distances in m, robot order."""
+
+    captured: bool
+    capture_tick: int | None
+    ticks: int
+    ended: str
+    distances_m: tuple[float, ...]
+    packets_sent: int
+    packets_lost: dict[str, int]
+    packets_delivered: int
+    packets_in_flight: int
+    contacts: int
+    refused: dict[str, int]
+    digest: str
+
+
+class WorldCore:
+    """The protocol around one arena. ``ended`` holds the reason once the run is over."""
+
+    def __init__(
+        self,
+        arena: engine.Arena,
+        run: str,
+        log: Callable[[str], None] = lambda line: None,
+        record: Record | None = None,
+    ) -> None:
+        self.arena = arena
+        self.run = run
+        self.table = LockStep(arena.ids)
+        self.state = engine.initial(arena)
+        self.ended: str | None = None
+        self.refused: Counter[str] = Counter()
+        self._log = log
+        self._record = record
+        self._poses: dict[str, bytes] = {}
+        self._commands: dict[str, tuple[Command, bytes]] = {}
+        self._unsettled: list[tuple[int, list[bytes], Outgoing]] = []
+        self._digest = hashlib.blake2b(digest_size=16)
+        self._sent = 0
+        self._lost: Counter[int] = Counter()
+        self._contacts = 0
+        configuration = arena.scenario.model_dump(
+            mode="json", exclude={"title", "description", "seed"}
+        )
+        header = {"version": VERSION, "seed": arena.seed, "scenario": configuration}
+        self._digest.update(json.dumps(header, sort_keys=True).encode())
+
+    def join(self, robot: str) -> Outgoing:
+        """A robot is there: its setup. ``OutOfTurn`` if it is not of the team or joined before."""
+        self.table.move(robot, Move.JOIN)
+        scenario = self.arena.scenario
+        setup = Setup(
+            robot, self.arena.ids, scenario.tick_s, scenario.team.strategy, scenario.parameters
+        )
+        return [(robot_key(self.run, robot, "setup"), encode(setup, self.run))]
+
+    @property
+    def everyone_joined(self) -> bool:
+        """Whether the run can begin."""
+        return not self.table.in_phase(Phase.ABSENT)
+
+    def begin(self) -> Outgoing:
+        """The first observations."""
+        return self._ask()
+
+    def receive(self, key: str, payload: bytes) -> Outgoing:
+        """Take one message in; returns the messages to send. Never raises for remote input."""
+        try:
+            self._receive(key, payload)
+        except ProtocolError as error:
+            self.refused[error.cause] += 1
+            self._log(f"world refused a message on {key}: {error}")
+            return []
+        if self.ended is not None or not self.table.complete:
+            return []
+        return self._advance()
+
+    def fail(self, reason: str) -> Outgoing:
+        """End the run as failed; returns the messages that tell the robots."""
+        if self.ended is None:
+            self.ended = f"failed: {reason}"
+        return self._end_messages()
+
+    def settle(self) -> None:
+        """Digest and record what has happened since the last call."""
+        for tick, digested, recorded in self._unsettled:
+            for part in digested:
+                self._digest.update(part)
+            if self._record is not None:
+                for key, payload in recorded:
+                    self._record(tick, key, payload)
+        self._unsettled.clear()
+
+    def result(self) -> Result:
+        """What came of the run, so far if it has not ended."""
+        self.settle()
+        state, count = self.state, len(self.arena.ids)
+        lost = {radio.CAUSES[code]: number for code, number in sorted(self._lost.items())}
+        flying = radio.in_flight(state.air)
+        # What is due at the last tick has arrived, though no robot is asked any more.
+        arrived_unread = len(radio.deliver(state.air, state.tick)[1])
+        return Result(
+            state.captured,
+            state.tick if state.captured else None,
+            state.tick,
+            self.ended or "running",
+            tuple(state.geometry.distances[:count, count].tolist()),
+            self._sent,
+            lost,
+            self._sent - sum(lost.values()) - flying + arrived_unread,
+            flying - arrived_unread,
+            self._contacts,
+            dict(sorted(self.refused.items())),
+            self._digest.copy().hexdigest(),
+        )
+
+    def _receive(self, key: str, payload: bytes) -> None:
+        _, robot, channel = parse_key(key)
+        if robot is None or channel not in ("pose", "command"):
+            raise OutOfTurn(f"the world does not listen to {channel!r}")
+        if channel == "pose":
+            pose = decode_pose(payload, self.run)
+            self._check_sender(robot, pose)
+            self.table.move(robot, Move.POSE, pose.tick)
+            self._poses[robot] = payload
+        else:
+            command = decode(Command, payload, self.run)
+            self._check_sender(robot, command)
+            self.table.move(robot, Move.COMMAND, command.tick)
+            self._commands[robot] = (command, payload)
+
+    @staticmethod
+    def _check_sender(robot: str, message: Pose | Command) -> None:
+        if message.robot != robot:
+            raise WrongSender(f"{type(message).__name__} says it is from {message.robot!r}")
+
+    def _ask(self) -> Outgoing:
+        """Observations for everyone, or the end if there is nothing more to do."""
+        state, scenario = self.state, self.arena.scenario
+        if state.captured or state.tick >= scenario.ticks_max:
+            self.ended = "captured" if state.captured else "ticks"
+            self._keep(state.tick, [], [])
+            return self._end_messages()
+        self.table.ask_all(state.tick)
+        asked = [
+            (robot_key(self.run, o.robot, "observation"), encode(o, self.run))
+            for o in engine.observe(self.arena, state)
+        ]
+        self._keep(state.tick, [], asked)
+        return asked
+
+    def _keep(self, tick: int, digested: list[bytes], messages: Outgoing) -> None:
+        """Note a tick's truth and its messages for ``settle``."""
+        state = self.state
+        if self._record is not None:
+            shown = encode(engine.truth(self.arena, state), self.run)
+            messages = [(world_key(self.run, "state"), shown), *messages]
+        truth = state.positions[: len(self.arena.ids) + 1].tobytes() + bytes([state.captured])
+        self._unsettled.append((tick, [truth, *digested], messages))
+
+    def _advance(self) -> Outgoing:
+        tick, ids = self.state.tick, self.arena.ids
+        steps = np.array([self._commands[robot][0].step for robot in ids])
+        packets = [self._poses[robot] for robot in ids]
+        self.state, fates = engine.advance(self.arena, self.state, steps, packets)
+        self._count(fates)
+        digested, messages = [fates.tobytes()], []
+        for robot in ids:
+            command, payload = self._commands[robot]
+            # What strangers sent to a robot must not change the digest of the run.
+            clean = encode(replace(command, refused={}), self.run) if command.refused else payload
+            digested += [body_of(self._poses[robot], self.run), body_of(clean, self.run)]
+            messages.append((robot_key(self.run, robot, "pose"), self._poses[robot]))
+            messages.append((robot_key(self.run, robot, "command"), payload))
+        if self._record is not None:
+            fate_rows = tuple(map(tuple, fates.tolist()))
+            messages.append(
+                (world_key(self.run, "radio"), encode(Radio(tick, fate_rows), self.run))
+            )
+        self._unsettled.append((tick, digested, messages))
+        self._poses.clear()
+        self._commands.clear()
+        return self._ask()
+
+    def _count(self, fates: NDArray[np.int64]) -> None:
+        self._sent += len(self.arena.ids) * (len(self.arena.ids) - 1)
+        if fates.min() < 0:
+            self._lost.update((-fates[fates < 0]).tolist())
+        self._contacts += len(self.state.contacts)
+
+    def _end_messages(self) -> Outgoing:
+        reason = (self.ended or "")[:200]
+        return [
+            (
+                robot_key(self.run, robot, "end"),
+                encode(End(robot, self.state.tick, reason), self.run),
+            )
+            for robot in self.arena.ids
+        ]

@@ -1,0 +1,45 @@
+"""Random draws without a generator's memory: each is a function of (seed, purpose, tick, place).
+
+numpy's Philox is counter-based: the key holds seed and purpose, the counter the tick, and the place
+in the stream is the robot or link. No draw depends on what was drawn before it, on which process
+ran first, or on whether another stage of the channel is switched on; so two arms of a comparison
+meet the same fate.
+"""
+
+from enum import IntEnum
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Purpose(IntEnum):
+    """What a draw is for. The numbers are part of what a seed means: never change one."""
+
+    PLACEMENT = 1
+    DETECTION_NOISE = 2
+    LOSS = 3
+    BURST_STATE = 4
+    BURST_LOSS = 5
+    DELAY = 6
+
+
+def uniforms(seed: int, purpose: Purpose, tick: int, count: int) -> NDArray[np.float64]:
+    """``count`` independent draws from [0, 1); draw k is the same for every ``count`` > k."""
+    bits = np.random.Philox(
+        key=np.array((seed, purpose), dtype=np.uint64),
+        counter=np.array((0, 0, tick, 0), dtype=np.uint64),
+    )
+    return np.random.Generator(bits).random(count)
+
+
+@lru_cache(maxsize=64)
+def _link_places(robots: int) -> NDArray[np.intp]:
+    """(N, N) places of links in a stream, the same for a pair whatever N is (Szudzik's pairing)."""
+    s, r = np.meshgrid(np.arange(robots), np.arange(robots), indexing="ij")
+    return np.where(s < r, r * r + s, s * s + s + r)
+
+
+def link_uniforms(seed: int, purpose: Purpose, tick: int, robots: int) -> NDArray[np.float64]:
+    """(N, N) draws, one per directed link [sender, receiver]."""
+    return uniforms(seed, purpose, tick, robots * robots)[_link_places(robots)]

@@ -1,0 +1,70 @@
+"""The directory of a run: its recording and its summary. Nothing that exists is overwritten."""
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from protocol import VERSION
+from world.core import Result
+from world.engine import Arena
+from world.recorder import Recorder
+
+RECORDING = "recording.mcap"
+SUMMARY = "summary.json"
+PACKAGES = ("encircle", "eclipse-zenoh", "msgpack", "numpy", "scipy", "filterpy", "mcap")
+
+
+class RunDirectoryError(Exception):
+    """The directory cannot be used; the message says which and why."""
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that has a part in a run's numbers."""
+    found = {name: version(name) for name in PACKAGES}
+    return {"python": platform.python_version(), "protocol": str(VERSION), **found}
+
+
+def create(path: Path) -> Path:
+    """Make the directory of a run; ``RunDirectoryError`` if it cannot be made or is not empty."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if any(path.iterdir()):
+            raise RunDirectoryError(
+                f"{path} is not empty: choose another --out, nothing was changed"
+            )
+    except OSError as error:
+        raise RunDirectoryError(f"{path} cannot be used: {error.strerror}") from None
+    return path
+
+
+def start_recording(path: Path, arena: Arena, run: str) -> Recorder:
+    """Open the recording of a run in its directory."""
+    metadata = {
+        "run": run,
+        "seed": str(arena.seed),
+        "scenario": arena.scenario.model_dump_json(),
+        "versions": json.dumps(versions()),
+    }
+    try:
+        return Recorder(path / RECORDING, arena.scenario.tick_s, metadata)
+    except OSError as error:
+        raise RunDirectoryError(f"{path / RECORDING}: {error.strerror}") from None
+
+
+def write_summary(
+    path: Path, arena: Arena, result: Result, run: str, extra: Mapping[str, Any]
+) -> None:
+    """Write what came of a run beside its recording."""
+    summary = {
+        "run": run,
+        "seed": arena.seed,
+        **asdict(result),
+        **extra,
+        "versions": versions(),
+        "scenario": arena.scenario.model_dump(mode="json"),
+    }
+    (path / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,99 @@
+"""What robots and target can sense: range, line of sight, noise, and the range scan.
+
+Bodies are discs. Something is in sight if its centre is within the sensing range and no obstacle
+lies on the line between the centres; other bodies do not hide anything. The scan is a ring of rays,
+each reporting the nearest surface.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Geometry(NamedTuple):
+    """Relative positions of everything, computed once per tick.
+
+    Rows are the B moving bodies (robots, then the target), columns those and the O obstacles.
+    ``x``, ``y``: column minus row, in m; ``distances``: between centres; ``gaps``: between
+    surfaces, infinite on the diagonal.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    distances: NDArray[np.float64]
+    gaps: NDArray[np.float64]
+
+
+def geometry(positions: NDArray[np.float64], radii: NDArray[np.float64], moving: int) -> Geometry:
+    """Geometry of bodies at ``positions`` (B + O, 2) with ``radii`` (B + O,), the first B moving."""
+    px, py = positions[:, 0], positions[:, 1]
+    x = px - px[:moving, None]
+    y = py - py[:moving, None]
+    distances = np.sqrt(x * x + y * y)
+    gaps = distances - radii
+    gaps -= radii[:moving, None]
+    gaps[_diagonal(moving)] = np.inf
+    return Geometry(x, y, distances, gaps)
+
+
+@lru_cache(maxsize=64)
+def _diagonal(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    return np.diag_indices(count)
+
+
+def in_sight(
+    geo: Geometry, ranges: NDArray[np.float64], radii: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """(B, B) whether row body senses column body: in range, and no obstacle between."""
+    count = len(geo.x)
+    visible: NDArray[np.bool_] = geo.distances[:, :count] <= ranges[:, None]
+    visible[_diagonal(count)] = False
+    if geo.x.shape[1] > count and visible.any():
+        rows, columns = np.nonzero(visible)
+        tx, ty = geo.x[rows, columns, None], geo.y[rows, columns, None]
+        ox, oy = geo.x[rows, count:], geo.y[rows, count:]
+        # The obstacle's centre projected onto the line of sight, kept between the two ends.
+        along = np.clip((ox * tx + oy * ty) / (tx * tx + ty * ty), 0.0, 1.0)
+        dx, dy = ox - along * tx, oy - along * ty
+        hidden = (dx * dx + dy * dy < radii[count:] ** 2).any(axis=1)
+        visible[rows[hidden], columns[hidden]] = False
+    return visible
+
+
+@lru_cache(maxsize=16)
+def ray_directions(rays: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cosines and sines of a scan's rays, the first along +x, counter-clockwise."""
+    bearings = np.arange(rays) * (2.0 * np.pi / rays)
+    return np.cos(bearings), np.sin(bearings)
+
+
+def scan(
+    geo: Geometry, ranges: NDArray[np.float64], radii: NDArray[np.float64], rays: int
+) -> NDArray[np.float64]:
+    """(B, rays) distances in m from each body's centre to the nearest surface, at most its range."""
+    count = len(geo.x)
+    result = np.empty((count, rays))
+    result[:] = ranges[:, None]
+    near = geo.distances - radii < ranges[:, None]
+    near[_diagonal(count)] = False
+    rows, columns = np.nonzero(near)
+    if len(rows) == 0:
+        return result
+    cos, sin = ray_directions(rays)
+    x, y = geo.x[rows, columns, None], geo.y[rows, columns, None]
+    aside = x * sin
+    aside -= y * cos
+    ahead = x * cos
+    ahead += y * sin
+    half_squared = (radii[columns] ** 2)[:, None] - aside * aside
+    hit = (half_squared >= 0.0) & (ahead > 0.0)
+    reach = ahead - np.sqrt(np.maximum(half_squared, 0.0))
+    reach[~hit] = np.inf
+    # Pairs come sorted by row, so each row's pairs are one run.
+    starts = np.flatnonzero(np.diff(rows, prepend=-1))
+    nearest = np.minimum.reduceat(reach, starts, axis=0)
+    seen = rows[starts]
+    result[seen] = np.minimum(result[seen], np.maximum(nearest, 0.0))
+    return result

@@ -1,0 +1,148 @@
+"""How the target behaves. A behaviour is any callable with the signature of ``Behaviour``.
+
+Those of other packages are found by entry point, group ``encircle.targets``. A behaviour is pure:
+what it wants to remember it returns and is given back at the next tick. Keyword-only arguments are
+its parameters, set in the scenario under ``target.parameters``.
+"""
+
+import inspect
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from importlib.metadata import entry_points
+from math import atan2, cos, hypot, pi, sin
+from typing import Any, NamedTuple, Protocol
+
+from protocol.messages import Point
+
+GROUP = "encircle.targets"
+
+
+class TargetView(NamedTuple):
+    """What the target goes by: its own sensors, nothing else.
+
+    ``robots``: absolute positions in m of the robots it detects, in robot order; ``scan``: distances
+    in m to the nearest surface along equally spaced rays, the first along +x; ``heading_rad``: the
+    direction of its last step, at first the scenario's.
+    """
+
+    tick: int
+    position: Point
+    heading_rad: float
+    robots: Sequence[Point]
+    scan: Sequence[float]
+    step_m_max: float
+    radius_m: float
+
+
+class Behaviour(Protocol):
+    """From memory and view to memory and the step wanted, in m."""
+
+    def __call__(self, memory: Any, view: TargetView, **parameters: Any) -> tuple[Any, Point]: ...
+
+
+def flee(memory: Any, view: TargetView, *, obstacle_range_m: float = 1.5) -> tuple[Any, Point]:
+    """Away from every robot it detects, from near ones more (inverse square); also off obstacles.
+
+    With none in sight it goes on as it was going; before it has ever seen one it stands still.
+    """
+    x, y = view.position
+    pull_x = pull_y = 0.0
+    for rx, ry in view.robots:
+        dx, dy = x - rx, y - ry
+        distance = hypot(dx, dy)
+        pull_x += dx / distance**3
+        pull_y += dy / distance**3
+    if view.robots:
+        memory = atan2(pull_y, pull_x) if hypot(pull_x, pull_y) > 1e-9 else view.heading_rad
+    if memory is None:
+        return None, (0.0, 0.0)
+    return memory, _step(_clear_heading(memory, view, obstacle_range_m), view.step_m_max)
+
+
+def gap(memory: Any, view: TargetView, *, obstacle_range_m: float = 1.5) -> tuple[Any, Point]:
+    """Through the middle of the widest angular gap between the robots it detects.
+
+    With none in sight it goes on as it was going; before it has ever seen one it stands still.
+    """
+    x, y = view.position
+    if view.robots:
+        bearings = sorted(atan2(ry - y, rx - x) for rx, ry in view.robots)
+        widths = [
+            (after - before, before)
+            for before, after in zip(bearings, [*bearings[1:], bearings[0] + 2 * pi], strict=True)
+        ]
+        width, before = max(widths, key=lambda item: item[0])
+        memory = before + width / 2
+    if memory is None:
+        return None, (0.0, 0.0)
+    return memory, _step(_clear_heading(memory, view, obstacle_range_m), view.step_m_max)
+
+
+def straight(memory: Any, view: TargetView) -> tuple[Any, Point]:
+    """Always on along its first heading."""
+    heading = view.heading_rad if memory is None else memory
+    return heading, _step(heading, view.step_m_max)
+
+
+def patrol(memory: Any, view: TargetView, *, waypoints: Sequence[Point]) -> tuple[Any, Point]:
+    """From waypoint to waypoint, in m, round and round."""
+    place = memory or 0
+    gx, gy = waypoints[place % len(waypoints)]
+    dx, dy = gx - view.position[0], gy - view.position[1]
+    distance = hypot(dx, dy)
+    if distance <= view.step_m_max:
+        return (place + 1) % len(waypoints), (dx, dy)
+    return place, _step(atan2(dy, dx), view.step_m_max)
+
+
+def still(memory: Any, view: TargetView) -> tuple[Any, Point]:
+    """Stays where it is."""
+    return None, (0.0, 0.0)
+
+
+BUILT_IN: dict[str, Behaviour] = {
+    "flee": flee,
+    "gap": gap,
+    "straight": straight,
+    "patrol": patrol,
+    "still": still,
+}
+
+
+@lru_cache(maxsize=64)
+def behaviour_named(name: str) -> Behaviour:
+    """The behaviour of that name; ``ValueError`` lists the known ones."""
+    if name in BUILT_IN:
+        return BUILT_IN[name]
+    found = {entry.name: entry for entry in entry_points(group=GROUP)}
+    if name not in found:
+        known = ", ".join([*BUILT_IN, *sorted(found)])
+        raise ValueError(f"unknown behaviour; known are: {known}")
+    behaviour: Behaviour = found[name].load()
+    return behaviour
+
+
+def check_parameters(behaviour: Behaviour, parameters: Mapping[str, Any]) -> None:
+    """``ValueError`` if the behaviour has no such parameters or lacks one it needs."""
+    try:
+        inspect.signature(behaviour).bind(None, None, **parameters)
+    except TypeError as error:
+        raise ValueError(str(error)) from None
+
+
+def _step(heading_rad: float, length_m: float) -> Point:
+    return length_m * cos(heading_rad), length_m * sin(heading_rad)
+
+
+def _clear_heading(heading_rad: float, view: TargetView, range_m: float) -> float:
+    """The heading nearest to the wanted one whose ray, and its neighbours', are free for a way."""
+    rays = len(view.scan)
+    if rays < 8 or min(view.scan) >= range_m + view.radius_m:
+        return heading_rad
+    spacing = 2 * pi / rays
+    wanted = round(heading_rad / spacing)
+    for offset in sorted(range(-(rays // 3), rays // 3 + 1), key=lambda k: (abs(k), -k)):
+        ray = wanted + offset
+        if all(view.scan[(ray + side) % rays] >= range_m for side in (-1, 0, 1)):
+            return heading_rad if offset == 0 else ray * spacing
+    return heading_rad
