@@ -81,11 +81,14 @@ class WorldCore:
     def join(self, robot: str) -> Outgoing:
         """A robot is there: its setup. ``OutOfTurn`` if it is not of the team or joined before."""
         self.table.move(robot, Move.JOIN)
+        return [self._setup(robot)]
+
+    def _setup(self, robot: str) -> tuple[str, bytes]:
         scenario = self.arena.scenario
         setup = Setup(
             robot, self.arena.ids, scenario.tick_s, scenario.team.strategy, scenario.parameters
         )
-        return [(robot_key(self.run, robot, "setup"), encode(setup, self.run))]
+        return robot_key(self.run, robot, "setup"), encode(setup, self.run)
 
     @property
     def everyone_joined(self) -> bool:
@@ -93,7 +96,9 @@ class WorldCore:
         return not self.table.in_phase(Phase.ABSENT)
 
     def begin(self) -> Outgoing:
-        """The first observations."""
+        """The first observations, once everyone has joined."""
+        # Recorded here and in robot order, whatever the order in which the robots joined.
+        self._unsettled.append((0, [], [self._setup(robot) for robot in self.arena.ids]))
         return self._ask()
 
     def receive(self, key: str, payload: bytes) -> Outgoing:
@@ -172,8 +177,9 @@ class WorldCore:
         state, scenario = self.state, self.arena.scenario
         if state.captured or state.tick >= scenario.ticks_max:
             self.ended = "captured" if state.captured else "ticks"
-            self._keep(state.tick, [], [])
-            return self._end_messages()
+            told = self._end_messages()
+            self._keep(state.tick, [], told)
+            return told
         self.table.ask_all(state.tick)
         asked = [
             (robot_key(self.run, o.robot, "observation"), encode(o, self.run))

@@ -5,6 +5,7 @@ refused, all of them at once, each with its key and its value. Units are in the 
 ``tick_s`` long.
 """
 
+import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -245,13 +246,14 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     path = known.get(str(source), Path(source))
     try:
         with open(path, "rb") as file:
-            return str(source), tomllib.load(file)
+            tree = json.load(file) if path.suffix == ".json" else tomllib.load(file)
+            return str(source), tree
     except (FileNotFoundError, IsADirectoryError):
         raise ScenarioError(
             f"scenario {str(source)!r} is neither a file nor one of: {', '.join(known)}"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"scenario {str(source)!r} is not TOML: {error}") from None
+    except ValueError as error:  # tomllib's and json's decode errors, and wrong UTF-8
+        raise ScenarioError(f"scenario {str(source)!r} cannot be parsed: {error}") from None
     except OSError as error:
         raise ScenarioError(f"scenario {str(source)!r} cannot be read: {error.strerror}") from None
 

@@ -1,0 +1,5 @@
+"""``python -m encircle`` is ``encircle``."""
+
+from encircle.cli import main
+
+main()

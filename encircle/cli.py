@@ -1,0 +1,188 @@
+"""The command line. Heavy imports stay inside the command that needs them.
+
+What a command was asked for goes to standard output, everything else to standard error. Exit
+status: 0 done, captured or not; 1 the run failed; 2 bad usage or configuration.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(
+    name="encircle",
+    help="Hunt a moving target with robots that share nothing but messages.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+SetOption = Annotated[
+    list[str], typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario.")
+]
+
+
+def main() -> None:
+    """Entry point of ``encircle``: one clear line for whatever goes wrong."""
+    from encircle.launch import RunFailed
+    from encircle.replaying import RecordingError
+    from world.run_directory import RunDirectoryError
+    from world.scenario import ScenarioError
+
+    try:
+        app()
+    except (ScenarioError, RunDirectoryError, RecordingError) as error:
+        print(f"encircle: {error}", file=sys.stderr)
+        sys.exit(2)
+    except RunFailed as error:
+        print(f"encircle: the run failed: {error}", file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        print("encircle: the run failed: stopped by SIGINT", file=sys.stderr)
+        sys.exit(1)
+
+
+@app.command("run")
+def run_command(
+    scenario: Annotated[str, typer.Argument(help="A shipped scenario's name or a TOML file.")],
+    seed: Annotated[int | None, typer.Option(help="Instead of the scenario's own.")] = None,
+    link: Annotated[str, typer.Option(help="zenoh (a process per robot) or memory.")] = "zenoh",
+    changes: SetOption = [],  # noqa: B006  # typer copies it
+    out: Annotated[Path | None, typer.Option(help="Directory to record to, new or empty.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Run one hunt, record it and draw it."""
+    from encircle.display import Display
+    from encircle.figures import draw_run
+    from encircle.hunts import LINKS, default_directory, run
+    from world.scenario import load
+
+    if link not in LINKS:
+        raise typer.BadParameter(f"{link!r} is not one of {', '.join(LINKS)}", param_hint="--link")
+    loaded = load(scenario, [*changes, *([f"seed={seed}"] if seed is not None else [])])
+    directory = out or default_directory(scenario, loaded.seed)
+    with Display(loaded, link) as display:
+        hunt = run(loaded, link=link, out=directory, progress=display.update)
+    figure = draw_run(directory, directory / "trajectory.png")
+    if as_json:
+        print(json.dumps({**hunt.as_dict(scenario), "figure": str(figure)}))
+    else:
+        display.show_result(hunt, directory, figure)
+
+
+@app.command("scenarios")
+def scenarios_command(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """List the scenarios that come with the program."""
+    from world.scenario import load, shipped
+
+    found = {name: load(name) for name in shipped()}
+    if as_json:
+        print(json.dumps({name: s.model_dump(mode="json") for name, s in found.items()}))
+        return
+    for name, scenario in found.items():
+        print(f"{name:12} {len(scenario.ids):3} robots  {scenario.title}")
+
+
+@app.command("replay")
+def replay_command(
+    run: Annotated[Path, typer.Argument(help="A run's directory or its recording.")],
+    check: Annotated[
+        bool, typer.Option("--check", help="Feed it to fresh brains and compare decisions.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Read a recording back; with --check, see whether fresh brains decide the same."""
+    from encircle.replaying import read_recording, replay
+
+    if not check:
+        recording = read_recording(run)
+        summary: dict[str, Any] = {
+            "recording": str(recording.path),
+            "run": recording.run,
+            "seed": recording.seed,
+            "robots": len(recording.scenario.ids),
+            "messages": len(recording.messages),
+            "last_tick": max((m[0] for m in recording.messages), default=0),
+            "complete": recording.complete,
+        }
+        print(json.dumps(summary) if as_json else "\n".join(f"{k:10} {v}" for k, v in summary.items()))
+        return
+    found = replay(run)
+    if as_json:
+        print(
+            json.dumps(
+                {
+                    "same": found.same,
+                    "ticks": found.ticks,
+                    "robots": found.robots,
+                    "compared": found.compared,
+                    "differences": len(found.differences),
+                    "complete": found.complete,
+                }
+            )
+        )
+    else:
+        part = "" if found.complete else " (the recording is cut off; all that is there was checked)"
+        print(
+            f"{found.compared} messages of {found.robots} robots over {found.ticks} ticks:"
+            f" {len(found.differences)} decided differently{part}"
+        )
+        for tick, robot, channel in found.differences[:10]:
+            print(f"  tick {tick}: {channel} of {robot}")
+    if not found.same:
+        raise typer.Exit(1)
+
+
+@app.command("reproduce")
+def reproduce_command(
+    out: Annotated[Path, typer.Option(help="Directory for figures and tables.")] = Path(
+        "runs/reproduce"
+    ),
+    seeds: Annotated[int, typer.Option(min=2, help="Paired runs per point of Fig. 7.")] = 40,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Run the paper's five simulations, draw their figures, and say what was found."""
+    from encircle.reproduce import reproduce
+
+    report = reproduce(out, seeds)
+    print(json.dumps(report.as_dict()) if as_json else report.text())
+
+
+@app.command("robot")
+def robot_command(
+    robot: Annotated[str, typer.Argument(metavar="ID", help="The robot's id, as in r1.")],
+    connect: Annotated[str, typer.Option(help="Endpoint of the world: tcp/127.0.0.1:7447.")],
+    run: Annotated[str, typer.Option(help="Name of the run to join.")],
+) -> None:
+    """Run one robot as this process."""
+    from agents.__main__ import main as robot_main
+
+    raise typer.Exit(robot_main([robot, "--connect", connect, "--run", run]))
+
+
+@app.command("world")
+def world_command(
+    scenario: Annotated[str, typer.Argument(help="A shipped scenario's name or a TOML file.")],
+    listen: Annotated[str, typer.Option(help="Endpoint to listen on: tcp/127.0.0.1:7447.")],
+    run: Annotated[str, typer.Option(help="Name of the run.")],
+    seed: Annotated[int | None, typer.Option(help="Instead of the scenario's own.")] = None,
+    changes: SetOption = [],  # noqa: B006
+    out: Annotated[Path | None, typer.Option(help="Directory to record to, new or empty.")] = None,
+) -> None:
+    """Run the world as this process and wait for its robots."""
+    from world.__main__ import main as world_main
+
+    arguments = [scenario, "--listen", listen, "--run", run]
+    arguments += [part for change in changes for part in ("--set", change)]
+    arguments += ["--seed", str(seed)] if seed is not None else []
+    arguments += ["--out", str(out)] if out is not None else []
+    raise typer.Exit(world_main(arguments))
+
+
+if __name__ == "__main__":
+    main()

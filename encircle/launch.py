@@ -1,0 +1,184 @@
+"""A hunt as operating-system processes: one world, one robot each, over Zenoh on loopback.
+
+The launcher starts them, follows the world's reports, and sees to it that none is left behind: it
+ends what it started by process, whatever happened, and the world ends by itself when the launcher
+is gone (its standard input closes), the robots when the world is.
+"""
+
+import asyncio
+import json
+import signal
+import socket
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from world.core import Result
+
+STOP_S_MAX = 3.0
+OUTPUT_LINE_BYTES_MAX = 1024 * 1024
+ERROR_LINES_MAX = 200
+
+
+class RunFailed(Exception):
+    """A run that did not come to its end; the message says in one line what happened."""
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint with a port that is free now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def run_processes(
+    world_arguments: Sequence[str],
+    robots: Sequence[str],
+    run: str,
+    report: Callable[[dict[str, Any]], None],
+    start_order: Sequence[str] | None = None,
+) -> tuple[Result, dict[str, Any]]:
+    """Run a hunt with one process per robot; returns its result and timings.
+
+    ``world_arguments``: scenario and options for ``python -m world``. ``report`` gets the world's
+    reports, and ``{"started": {name: pid}}`` first. ``start_order`` is for tests. Raises
+    ``RunFailed``.
+    """
+    return asyncio.run(_Launch(run, report).run(world_arguments, start_order or ["world", *robots]))
+
+
+class _Launch:
+    def __init__(self, run: str, report: Callable[[dict[str, Any]], None]) -> None:
+        self.name = run
+        self.report = report
+        self.endpoint = free_endpoint()
+        self.processes: dict[str, asyncio.subprocess.Process] = {}
+        self.result: dict[str, Any] | None = None
+        self.tick = 0
+        self.errors: dict[str, list[str]] = {}
+        self.interrupted = ""
+
+    async def run(
+        self, world_arguments: Sequence[str], order: Sequence[str]
+    ) -> tuple[Result, dict[str, Any]]:
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._interrupt, number.name)
+        try:
+            for name in order:
+                await self._start(name, world_arguments)
+            self.report({"started": {name: p.pid for name, p in self.processes.items()}})
+            await self._follow()
+        finally:
+            await self._stop_all()
+        return self._outcome()
+
+    async def _start(self, name: str, world_arguments: Sequence[str]) -> None:
+        own = (
+            ["world", *world_arguments, "--listen", self.endpoint, "--parent"]
+            if name == "world"
+            else ["agents", name, "--connect", self.endpoint]
+        )
+        pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
+        self.processes[name] = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", *own, "--run", self.name),
+            stdin=pipe if name == "world" else none,
+            stdout=pipe if name == "world" else none,
+            stderr=pipe,
+            limit=OUTPUT_LINE_BYTES_MAX,
+            # Ctrl-C in a terminal reaches the launcher alone, which then ends the run in order.
+            start_new_session=True,
+        )
+
+    async def _follow(self) -> None:
+        """Read what the processes say until all have ended, or one has failed for a while."""
+        readers = [asyncio.create_task(self._read_errors(n, p)) for n, p in self.processes.items()]
+        readers.append(asyncio.create_task(self._read_reports()))
+        waiting = {asyncio.create_task(p.wait()) for p in self.processes.values()}
+        while waiting:
+            # The world ends the run when a robot is lost, the robots end when the world is; what
+            # has not ended some seconds after the first to fail never will.
+            failing = any(p.returncode for p in self.processes.values()) or self.interrupted
+            done, waiting = await asyncio.wait(
+                waiting,
+                timeout=STOP_S_MAX if failing else None,
+                return_when=asyncio.FIRST_COMPLETED,
+            )
+            if failing and not done:
+                break
+        await asyncio.wait(readers, timeout=1.0)
+        for reader in readers:
+            reader.cancel()
+
+    async def _read_reports(self) -> None:
+        stream = self.processes["world"].stdout
+        assert stream is not None
+        async for line in stream:
+            report = json.loads(line)
+            self.result = report.get("result", self.result)
+            self.tick = report.get("tick", self.tick)
+            self.report(report)
+
+    async def _read_errors(self, name: str, process: asyncio.subprocess.Process) -> None:
+        stream = process.stderr
+        assert stream is not None
+        kept = self.errors.setdefault(name, [])
+        async for line in stream:
+            text = line.decode(errors="replace").rstrip()
+            if len(kept) < ERROR_LINES_MAX:
+                kept.append(text)
+                if " refused " in text:
+                    self.report({"log": text})
+
+    def _interrupt(self, name: str) -> None:
+        self.interrupted = name
+        world = self.processes.get("world")
+        if world is not None and world.returncode is None:
+            world.terminate()
+
+    async def _stop_all(self) -> None:
+        """End every process that is still there: asked first, then made to."""
+        for end in ("terminate", "kill"):
+            living = [p for p in self.processes.values() if p.returncode is None]
+            for process in living:
+                getattr(process, end)()
+            if living:
+                waits = [asyncio.create_task(process.wait()) for process in living]
+                await asyncio.wait(waits, timeout=STOP_S_MAX)
+
+    def _outcome(self) -> tuple[Result, dict[str, Any]]:
+        """The result, or ``RunFailed`` with the one line that says what happened first."""
+        if self.interrupted:
+            raise RunFailed(f"stopped by {self.interrupted} at tick {self.tick}")
+        if self.result is None:
+            raise RunFailed(self._first_failure())
+        extra = {key: self.result.pop(key) for key in ("rounds_s", "joined_s")}
+        result = Result(**self.result)
+        if result.ended.startswith("failed"):
+            reason = result.ended.removeprefix("failed: ")
+            how = [
+                f" ({_how_ended(p.returncode)})"
+                for name, p in self.processes.items()
+                if reason.startswith(f"robot {name} ") and p.returncode
+            ]
+            raise RunFailed(reason + "".join(how))
+        return result, extra
+
+    def _first_failure(self) -> str:
+        """Why there is no result at all."""
+        world = self.processes["world"].returncode
+        said = [line for line in self.errors.get("world", []) if " refused " not in line]
+        if said:
+            return "\n".join(said)
+        for name, process in self.processes.items():
+            if name != "world" and process.returncode and world in (None, -signal.SIGTERM):
+                said = self.errors.get(name, [])
+                return said[-1] if said else f"robot {name} {_how_ended(process.returncode)}"
+        return f"the world {_how_ended(world)} at tick {self.tick}"
+
+
+def _how_ended(status: int | None) -> str:
+    if status is not None and status < 0:
+        return f"was killed by {signal.Signals(-status).name}"
+    return f"ended with status {status}"
