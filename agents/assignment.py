@@ -10,8 +10,8 @@ team: of the shortest, the lexicographically smallest in robot order. Two sums c
 they are so in whole microns (``QUANTA_PER_M``), since rounding noise must not decide. In integers
 the rule can be carried by the costs themselves: each distance is shifted left and the low bits hold
 the point's number, the first robot's in the highest place. Sums of up to 8 km stay below 2**53, so
-scipy's double arithmetic is exact. The low bits hold the whole rule up to seven robots; beyond that only
-for as many leading robots as fit, and what is left is broken by scipy's own fixed order.
+scipy's double arithmetic is exact. The low bits hold the whole rule up to seven robots; beyond that
+only for as many leading robots as fit, and what is left is broken by scipy's own fixed order.
 """
 
 from functools import lru_cache
@@ -88,12 +88,9 @@ def assign(
     costs = whole_microns(distances)
     costs *= 2.0**TIE_BITS
     costs += _preference(count, rings)
-    choice = np.array(
-        [
-            linear_sum_assignment(costs[:, first : first + count])[1]
-            for first in range(0, rings * count, count)
-        ]
-    )
+    choice = np.empty((rings, count), np.intp)
+    for ring in range(rings):
+        choice[ring] = linear_sum_assignment(costs[:, ring * count : (ring + 1) * count])[1]
     chosen = _starts(rings, count) + choice
     return choice, distances[_rows(count), chosen]
 

@@ -13,12 +13,13 @@ from collections.abc import Sequence
 from functools import lru_cache
 from math import cos, hypot, pi, sin
 
-from agents.shrink import turned
 from protocol.messages import Point
 from protocol.parameters import Parameters
 
 TURN_RAD = pi / 12
-TURNS = (0.0, *(sign * k * TURN_RAD for k in range(1, 12) for sign in (1, -1)), pi)
+_ANGLES = (0.0, *(sign * k * TURN_RAD for k in range(1, 12) for sign in (1, -1)), pi)
+TURNS = tuple((cos(angle), sin(angle)) for angle in _ANGLES)
+"""Cosine and sine of the turns tried, in that order; the first is none at all."""
 PROGRESS_MIN = 0.05
 SHARE_MIN = 0.05
 TARGET_TOLERANCE_M = 0.3
@@ -46,19 +47,22 @@ def avoid(
         return step
     keep = parameters.radius_m + parameters.clearance_m
     reach = keep + length
-    if (not scan or min(scan) > reach) and not peers:
-        return step
-    walls = _surface_points(scan, reach, peers, target, parameters)
     limits = _peer_limits(peers, length, parameters)
+    walls = []
+    if scan and min(scan) <= reach:
+        walls = _surface_points(scan, reach, peers, target, parameters)
+    if not walls and not limits:
+        return step
     best, best_gain = (0.0, 0.0), PROGRESS_MIN
     way_out = None
-    for turn in TURNS:
-        candidate = turned(step, turn)
+    sx, sy = step
+    for turn_cos, turn_sin in TURNS:
+        if turn_cos <= best_gain and best_gain > PROGRESS_MIN:
+            break  # headings are in order of turning, and none gets farther than its cosine
+        candidate = (turn_cos * sx - turn_sin * sy, turn_sin * sx + turn_cos * sy)
         share = _safe_share(candidate, walls, limits, keep)
-        if share == 1.0 and turn == 0.0:
-            return step
-        if share * cos(turn) > best_gain:
-            best, best_gain = (share * candidate[0], share * candidate[1]), share * cos(turn)
+        if share * turn_cos > best_gain:
+            best, best_gain = (share * candidate[0], share * candidate[1]), share * turn_cos
         elif share == 1.0 and way_out is None:
             way_out = candidate
     return best if best_gain > PROGRESS_MIN or way_out is None else way_out

@@ -7,6 +7,7 @@ collisions. No clock, no link, no log, no random draw.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import hypot
 from typing import NamedTuple
 
@@ -35,8 +36,19 @@ class Role:
 
     @property
     def own(self) -> int:
-        """This robot's place in the team."""
-        return self.team.index(self.robot)
+        """The robot's place in the team."""
+        return places_in(self.team)[self.robot]
+
+
+@lru_cache(maxsize=64)
+def places_in(team_ids: tuple[str, ...]) -> dict[str, int]:
+    """Each robot's place in the team."""
+    return {robot: place for place, robot in enumerate(team_ids)}
+
+
+def _by_tick_sender_sequence(heard: tuple[int, Pose]) -> tuple[int, int, int]:
+    place, packet = heard
+    return packet.tick, place, packet.sequence
 
 
 class BrainState(NamedTuple):
@@ -64,12 +76,13 @@ def step(
     state: BrainState, observation: Observation, packets: Sequence[Pose], role: Role
 ) -> tuple[BrainState, Action]:
     """One tick. ``packets``: the decoded inbox, in any order, senders in ``role.team``."""
-    index = {robot: place for place, robot in enumerate(role.team)}
-    # Arrival order is never information.
-    ordered = sorted([(p.tick, index[p.robot], p.sequence, p) for p in packets])
-    heard = [(place, packet) for _, place, _, packet in ordered]
-    seen = [(index[robot], position) for robot, position in observation.seen if robot in index]
-    tick, own = observation.tick, index[role.robot]
+    places = places_in(role.team)
+    heard = [(places[packet.robot], packet) for packet in packets]
+    if len(heard) > 1:
+        # Arrival order is never information.
+        heard.sort(key=_by_tick_sender_sequence)
+    seen = [(places[robot], position) for robot, position in observation.seen]
+    tick, own = observation.tick, places[role.robot]
     peers = team.fold(state.peers, heard, seen, tick, role.tick_s)
     track = kalman.fold(
         state.track, _detections(observation, own, heard), tick, role.tick_s, role.parameters
@@ -145,7 +158,7 @@ def _choose(
         predicted, predictor = extrapolate(track, xi_grid, role.tick_s, parameters)
         return predicted
 
-    view = View(mates.own, mates.positions, np.array((estimate.x, estimate.y)), predict, parameters)
+    view = View(mates.own, mates.positions, (estimate.x, estimate.y), predict, parameters)
     choice = role.strategy(view)
     return choice, predictor or None, None
 

@@ -22,7 +22,7 @@ class RobotCore:
     """The protocol around one brain. ``ended`` holds the reason once the run is over."""
 
     def __init__(
-        self, robot: str, run: str, log: Callable[[str], None] = lambda line: None
+        self, robot: str, run: str, log: Callable[[str], None] = lambda _line: None
     ) -> None:
         self.robot = robot
         self.run = run
@@ -79,6 +79,9 @@ class RobotCore:
             raise OutOfTurn(f"observation of tick {observation.tick} before setup")
         if observation.robot != self.robot:
             raise WrongSender(f"observation is for {observation.robot}")
+        strangers = {robot for robot, _ in observation.seen} - set(self.role.team)
+        if strangers:
+            raise MalformedMessage(f"Observation: seen {sorted(strangers)[:5]}, not of this team")
         if observation.tick != self._tick + 1:
             raise OutOfTurn(f"observation of tick {observation.tick} after tick {self._tick}")
         self._tick = observation.tick
@@ -97,7 +100,7 @@ class RobotCore:
         assert self.role is not None
         try:
             pose = decode_pose(packet, self.run)
-            if pose.robot not in self.role.team or pose.robot == self.robot:
+            if pose.robot == self.robot or pose.robot not in brain.places_in(self.role.team):
                 raise WrongSender(f"pose from {pose.robot}")
             return pose
         except ProtocolError as error:

@@ -83,19 +83,23 @@ def fold(
     del entries[: len(entries) - (tick - first + 1)]
     dirty = len(entries) - 1
     newest, dropped = track.detected_tick, track.dropped
+    place, group, origins = -1, (), set[int]()
     for detection in detections:
-        place = detection.tick - first
-        # The first entry is the checkpoint from which the rest is run again: it stays as it is,
-        # unless it is the very beginning of the run.
-        if place < (0 if first == 0 else 1):
-            dropped += 1
-            continue
-        known = entries[place].detections
-        if any(d.origin == detection.origin for d in known):
-            continue
-        entries[place] = Entry((*known, detection), None)
-        dirty = min(dirty, place)
-        newest = max(newest, detection.tick)
+        if detection[0] - first != place:
+            place = detection[0] - first
+            # The first entry is the checkpoint from which the rest is run again: it stays as it
+            # is, unless it is the very beginning of the run.
+            if place < (0 if first == 0 else 1):
+                dropped, place = dropped + 1, -1
+                continue
+            group = entries[place].detections
+            origins = {d[1] for d in group}
+        if detection[1] not in origins:
+            origins.add(detection[1])
+            group = (*group, detection)
+            entries[place] = Entry(group, None)
+            dirty = min(dirty, place)
+            newest = max(newest, detection[0])
     if newest < tick - parameters.track_age_ticks_max:
         return Track(tick + 1, (), -1, dropped)
     noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
@@ -118,8 +122,8 @@ def _step(
     if count:
         # Summed in robot order, not in order of arrival: addition is not associative.
         heard = sorted(detections) if count > 1 else detections
-        mean_x = sum([d.x for d in heard]) / count
-        mean_y = sum([d.y for d in heard]) / count
+        mean_x = sum([d[2] for d in heard]) / count
+        mean_y = sum([d[3] for d in heard]) / count
         if before is None:
             covariance = (noise[2] ** 2 / count, 0.0, velocity_mps_std**2)
             return Estimate(mean_x, mean_y, 0.0, 0.0, covariance)

@@ -15,8 +15,8 @@ def deviation_weights(xi_grid: tuple[float, ...], xi_weight: float) -> NDArray[n
 def variances(distances: NDArray[np.float64]) -> NDArray[np.float64]:
     """V(xi) of Eq. 2 for each row of ``distances`` (G, N) in m; (G,) in m^2."""
     count = distances.shape[1]
-    mean = np.add.reduce(distances, axis=1, keepdims=True) / count
-    spread = distances - mean
+    mean = np.add.reduce(distances, axis=1) / count
+    spread = distances - mean[:, None]
     spread *= spread
     result: NDArray[np.float64] = np.add.reduce(spread, axis=1) / count
     return result

@@ -5,35 +5,42 @@ same. The first point lies on the line from the target's current position to the
 from it; of robots equally far, to the first in robot order.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from protocol.messages import Point
+
 
 @lru_cache(maxsize=256)
-def _rotations(count: int) -> NDArray[np.float64]:
-    angles = np.arange(count) * (2.0 * pi / count)
-    cos, sin = np.cos(angles), np.sin(angles)
-    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+def _rotations(count: int) -> NDArray[np.complex128]:
+    """The N rotations of Eq. 1 as complex numbers: turning a vector is one multiplication."""
+    return np.exp(2j * pi * np.arange(count) / count)
 
 
 def encirclement_points(
-    team: NDArray[np.float64],
-    target: NDArray[np.float64],
+    team: Sequence[Point],
+    target: Point,
     predictions: NDArray[np.float64],
     ring_radius_m: float,
 ) -> NDArray[np.float64]:
     """Encirclement points (G, N, 2) in m around each of G predicted positions (G, 2).
 
-    ``team``: (N, 2) robot positions; ``target``: (2,) current target position.
+    ``team``: N robot positions in m; ``target``: the target's current position in m.
     """
-    rays = team - target
-    squares = (rays * rays).sum(axis=1)
-    far = rays[squares.argmax()]
-    length = float(np.sqrt(squares.max()))
-    direction = far / length if length > 0.0 else np.array([1.0, 0.0])
-    offsets = _rotations(len(team)) @ (ring_radius_m * direction)
-    points: NDArray[np.float64] = predictions[:, None, :] + offsets
-    return points
+    tx, ty = target
+    farthest, ray = -1.0, (1.0, 0.0)
+    for x, y in team:
+        dx, dy = x - tx, y - ty
+        square = dx * dx + dy * dy
+        if square > farthest:
+            farthest, ray = square, (dx, dy)
+    scale = ring_radius_m / sqrt(farthest) if farthest > 0.0 else ring_radius_m
+    direction = complex(*ray) if farthest > 0.0 else 1.0
+    offsets = _rotations(len(team)) * (scale * direction)
+    centres = np.ascontiguousarray(predictions).view(np.complex128)
+    points = (centres + offsets).view(np.float64)
+    return points.reshape(len(predictions), len(team), 2)

@@ -2,7 +2,7 @@
 
 The supervisor joins the run, watches the world's liveliness token and the signals, and bounds every
 wait. The rounds themselves are run in a thread that waits for messages inside Zenoh, because waking
-an asyncio loop from there costs half as much again as the whole exchange (``docs/architecture.md``).
+an asyncio loop from there costs half as much again as all the rest (``docs/architecture.md``).
 """
 
 import asyncio
@@ -58,7 +58,7 @@ async def run_robot(robot: str, run: str, endpoint: str, join_s_max: float = JOI
     rounds = asyncio.create_task(asyncio.to_thread(answer_rounds, core, link))
     joining = loop.call_later(join_s_max, _give_up_joining, core, stop, run, endpoint, join_s_max)
     try:
-        await asyncio.wait([rounds, trouble], return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait({rounds, trouble}, return_when=asyncio.FIRST_COMPLETED)
     finally:
         joining.cancel()
         link.stop_receiving()

@@ -22,7 +22,7 @@ def extrapolation_matrix(
 ) -> NDArray[np.float64]:
     """(len(xi_grid), samples) matrix from samples, oldest first, to values at each xi ahead."""
     times = (np.arange(samples) - (samples - 1)) * float(spacing_ticks)
-    spline = CubicSpline(times, np.eye(samples), bc_type=ends)
+    spline = CubicSpline(times, np.eye(samples), bc_type=ends)  # type: ignore[call-overload]  # one of two strings
     matrix: NDArray[np.float64] = np.ascontiguousarray(spline(np.array(xi_grid)))
     matrix.flags.writeable = False
     return matrix

@@ -6,7 +6,7 @@ pure: same view, same choice. The brain shortens the step to what the robot can 
 collisions.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from importlib.metadata import entry_points
 from math import copysign, hypot, sin, sqrt
@@ -28,13 +28,14 @@ GROUP = "encircle.strategies"
 class View(NamedTuple):
     """What a strategy decides on: one robot's own, possibly stale, view.
 
-    ``positions``: (N, 2) of the team in m, robot order; ``own``: this robot's row; ``target``: the
-    estimated target position (2,); ``predict``: from a tuple of G prediction steps to (G, 2).
+    ``positions``: of the team's N members in m, robot order; ``own``: this robot's place among
+    them; ``target``: the estimated target position in m; ``predict``: from a tuple of G prediction
+    steps to predicted target positions (G, 2) in m.
     """
 
     own: int
-    positions: NDArray[np.float64]
-    target: NDArray[np.float64]
+    positions: Sequence[Point]
+    target: Point
     predict: Callable[[tuple[float, ...]], NDArray[np.float64]]
     parameters: Parameters
 
@@ -52,7 +53,8 @@ class Choice(NamedTuple):
 class Strategy(Protocol):
     """From a view to a choice, without memory and without side effects."""
 
-    def __call__(self, view: View) -> Choice: ...
+    def __call__(self, view: View) -> Choice:
+        """Choose."""
 
 
 def encircle_or_shrink(view: View, xi_grid: tuple[float, ...] | None = None) -> Choice:
@@ -65,8 +67,7 @@ def encircle_or_shrink(view: View, xi_grid: tuple[float, ...] | None = None) -> 
 
 def pursue(view: View) -> Choice:
     """Straight towards the target's estimated position, without any coordination."""
-    goal = (float(view.target[0]), float(view.target[1]))
-    return Choice("pursue", _close_in(view, goal, 0.0), goal)
+    return Choice("pursue", _close_in(view, 0.0), view.target)
 
 
 def _encircle(view: View, xi_grid: tuple[float, ...]) -> Choice:
@@ -74,11 +75,11 @@ def _encircle(view: View, xi_grid: tuple[float, ...]) -> Choice:
     points = encirclement_points(
         view.positions, view.target, view.predict(xi_grid), parameters.ring_radius_m
     )
-    choice, distances = assign(view.positions, points)
+    choice, distances = assign(np.array(view.positions), points)
     best = best_step(distances, xi_grid, parameters.xi_weight) if len(xi_grid) > 1 else 0
     point = int(choice[best, view.own])
     goal_x, goal_y = points[best, point].tolist()
-    own_x, own_y = view.positions[view.own].tolist()
+    own_x, own_y = view.positions[view.own]
     return Choice(
         "encircle", (goal_x - own_x, goal_y - own_y), (goal_x, goal_y), xi_grid[best], point
     )
@@ -87,10 +88,14 @@ def _encircle(view: View, xi_grid: tuple[float, ...]) -> Choice:
 def _shrink(view: View) -> Choice | None:
     """Eq. 4-7 once all are near and the ring is closed, as far as this robot can tell."""
     parameters = view.parameters
-    rays = (view.positions - view.target).tolist()
+    target_x, target_y = view.target
     near = parameters.near_factor * parameters.ring_radius_m
-    if any(hypot(x, y) > near for x, y in rays):
-        return None
+    rays = []
+    for x, y in view.positions:
+        ray = (x - target_x, y - target_y)
+        if hypot(*ray) > near:
+            return None
+        rays.append(ray)
     own_ray = rays.pop(view.own)
     angles = sides(own_ray, rays)
     if not encloses(angles, parameters.enclosure_rad, parameters.enclosure):
@@ -102,19 +107,18 @@ def _shrink(view: View) -> Choice | None:
         parameters.deviation_gain,
         parameters.deviation_rad_max,
     )
-    goal = (float(view.target[0]), float(view.target[1]))
-    return Choice("shrink", _close_in(view, goal, beta), goal)
+    return Choice("shrink", _close_in(view, beta), view.target)
 
 
-def _close_in(view: View, target: Point, deviation_rad: float) -> Point:
+def _close_in(view: View, deviation_rad: float) -> Point:
     """A step towards the target, turned by a deviation; none inwards at the stop distance.
 
     The sideways part is at most half of what would put the robot midway between its neighbours:
-    Eq. 6-7 say nothing of step lengths, and full steps overshoot and swing for ever near the target.
+    Eq. 6-7 say nothing of step lengths, and full steps overshoot and swing for ever close by.
     """
     parameters = view.parameters
-    x, y = view.positions[view.own].tolist()
-    dx, dy = target[0] - x, target[1] - y
+    x, y = view.positions[view.own]
+    dx, dy = view.target[0] - x, view.target[1] - y
     distance = hypot(dx, dy)
     if distance == 0.0:
         return (0.0, 0.0)

@@ -8,9 +8,6 @@ planned for, and where stale ones are taken to be, is the staleness policy of ``
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 from protocol.messages import Point, Pose
 from protocol.parameters import Parameters
 
@@ -28,12 +25,13 @@ class Peer(NamedTuple):
 class Team(NamedTuple):
     """The team as one robot plans it, in robot order and including itself.
 
-    ``members``: indices into the whole team; ``own``: this robot's row; ``positions``: (N, 2) in m.
+    ``members``: indices into the whole team; ``own``: this robot's place among them;
+    ``positions``: theirs, in m.
     """
 
     members: tuple[int, ...]
     own: int
-    positions: NDArray[np.float64]
+    positions: tuple[Point, ...]
 
 
 PeerTable: TypeAlias = tuple[Peer | None, ...]
@@ -46,7 +44,7 @@ def fold(
     tick: int,
     tick_s: float,
 ) -> PeerTable:
-    """The table after hearing pose packets ``(index, pose)`` and seeing robots ``(index, position)``."""
+    """The table after hearing packets ``(index, pose)`` and seeing robots ``(index, position)``."""
     table = list(peers)
     for index, pose in packets:
         known = table[index]
@@ -81,4 +79,4 @@ def team_of(peers: PeerTable, own: int, position: Point, tick: int, parameters: 
                 rows.append((peer.x + age * peer.vx, peer.y + age * peer.vy))
             else:
                 rows.append((peer.x, peer.y))
-    return Team(tuple(members), members.index(own), np.array(rows))
+    return Team(tuple(members), members.index(own), tuple(rows))

@@ -110,7 +110,9 @@ def replay_command(
             "last_tick": max((m[0] for m in recording.messages), default=0),
             "complete": recording.complete,
         }
-        print(json.dumps(summary) if as_json else "\n".join(f"{k:10} {v}" for k, v in summary.items()))
+        print(
+            json.dumps(summary) if as_json else "\n".join(f"{k:10} {v}" for k, v in summary.items())
+        )
         return
     found = replay(run)
     if as_json:
@@ -127,7 +129,9 @@ def replay_command(
             )
         )
     else:
-        part = "" if found.complete else " (the recording is cut off; all that is there was checked)"
+        part = (
+            "" if found.complete else " (the recording is cut off; all that is there was checked)"
+        )
         print(
             f"{found.compared} messages of {found.robots} robots over {found.ticks} ticks:"
             f" {len(found.differences)} decided differently{part}"

@@ -81,8 +81,8 @@ def run(
     ``out``: a directory for recording and summary, which must be new or empty; none by default.
     ``progress`` is called now and then with ``{"tick", "distances_m"}``.
 
-    Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an unusable
-    directory and ``RunFailed`` if the run does not come to its end.
+    Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
+    unusable directory and ``RunFailed`` if the run does not come to its end.
     """
     if link not in LINKS:
         raise ValueError(f"link {link!r}: must be one of {', '.join(LINKS)}")
@@ -92,16 +92,14 @@ def run(
     loaded = load(scenario, changes)
     name = f"run-{secrets.token_hex(6)}"
     directory = create(Path(out)) if out is not None else None
-    tell = progress or (lambda report: None)
+    tell = progress or (lambda _report: None)
     begun = time.perf_counter()
     if link == "memory":
         result, timing, processes = _in_memory(loaded, name, directory, tell)
     else:
         result, timing, processes = _as_processes(loaded, name, directory, tell, start_order)
     wall_s = time.perf_counter() - begun
-    return Hunt(
-        loaded, loaded.seed, link, name, result, processes, wall_s, directory, timing
-    )
+    return Hunt(loaded, loaded.seed, link, name, result, processes, wall_s, directory, timing)
 
 
 def _in_memory(

@@ -19,11 +19,11 @@ from protocol.messages import Command, End, Observation, Point, Pose, Radio, Set
 
 Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
 
-M = TypeVar("M", bound=Message)
+M = TypeVar("M", Setup, Observation, Pose, Command, End, State, Radio)
 A = TypeVar("A")
 B = TypeVar("B")
 
-BYTES_MAX: dict[type[Message], int] = {
+BYTES_MAX: dict[type[Any], int] = {
     Setup: 64 * 1024,
     Observation: 1024 * 1024,
     Pose: 512,
@@ -82,7 +82,7 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
     checks = _CHECKS[kind]
     if len(body) != len(checks) + 2:
         raise _wrong_fields(kind, body)
-    values = []
+    values: list[Any] = []
     for name, check in checks:
         try:
             values.append(check(body[name]))
@@ -96,7 +96,7 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
     return kind(*values)
 
 
-def _wrong_fields(kind: type[Message], body: Mapping[Any, Any]) -> MalformedMessage:
+def _wrong_fields(kind: type[Any], body: Mapping[Any, Any]) -> MalformedMessage:
     wanted = {"v", "run", *_FIELDS[kind]}
     missing = sorted(wanted - set(body))
     unknown = sorted(str(name)[:SHOWN_MAX] for name in set(body) - wanted)
@@ -226,8 +226,10 @@ _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "contacts": _many(_pair(_text, _text)),
     "fates": _many(_many(_integer)),
 }
-_FIELDS = {kind: tuple(f.name for f in fields(kind)) for kind in BYTES_MAX}
-_CHECKS = {
+_FIELDS: dict[type[Any], tuple[str, ...]] = {
+    kind: tuple(f.name for f in fields(kind)) for kind in BYTES_MAX
+}
+_CHECKS: dict[type[Any], tuple[tuple[str, Callable[[Any], Any]], ...]] = {
     kind: tuple(
         (name, _optional(_point) if (kind, name) == (Observation, "target") else _BY_NAME[name])
         for name in names

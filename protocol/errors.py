@@ -48,7 +48,7 @@ class UnknownKey(ProtocolError):
 
 
 class OutOfTurn(ProtocolError):
-    """A message that the lock-step table does not allow now: unknown robot, wrong tick, or twice."""
+    """What the lock-step table does not allow now: an unknown robot, a wrong tick, or twice."""
 
     cause = "out-of-turn"
 

@@ -1,4 +1,4 @@
-"""Zenoh keys of a run: ``encircle/{run}/robots/{id}/{channel}`` and ``encircle/{run}/world/{channel}``."""
+"""Keys of a run: ``encircle/{run}/robots/{id}/{channel}``, ``encircle/{run}/world/{channel}``."""
 
 import re
 from typing import NamedTuple

@@ -52,7 +52,7 @@ class Parameters:
     """Standard deviation of the target's velocity before anything is known of it."""
     window_ticks: int = 30
     """How far back a late detection may lie and still be put in its place."""
-    track_age_ticks_max: int = 50
+    track_age_ticks_max: int = 30
     """A target not detected by anyone for longer is lost; the search begins again."""
     peer_policy: str = "extrapolate"
     """What to do with a stale peer: ``hold`` its position or ``extrapolate`` its velocity."""
@@ -69,7 +69,7 @@ class Parameters:
 
         Raises ``ValueError`` naming every unknown key and every value that makes no sense.
         """
-        known = {f.name: f.default for f in fields(cls)}
+        known: dict[str, Any] = {f.name: f.default for f in fields(cls)}
         problems = [f"unknown parameter {name!r}" for name in values if name not in known]
         given: dict[str, Any] = {}
         for name, value in values.items():

@@ -28,7 +28,7 @@ class LinkError(Exception):
 class ZenohLink:
     """A ``protocol.links.Link`` over one Zenoh session.
 
-    ``listens``: whether this end waits at ``endpoint`` or connects to it. ``takes``: key expressions
+    ``listens``: whether this end waits at ``endpoint`` or connects to it. ``takes``: key expression
     of the messages to receive; what this session sends itself never comes back.
     """
 
@@ -86,13 +86,13 @@ class ZenohLink:
         with self._closing:
             if not self._closed:
                 self._closed = True
-                self._inbox.undeclare()
+                self._inbox.undeclare()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
         """Close the session; what was sent before is flushed. May be called twice."""
         self.stop_receiving()
         if not self._session.is_closed():
-            self._session.close()
+            self._session.close()  # type: ignore[no-untyped-call]
 
 
 def _config(endpoint: str, listens: bool, connect_s_max: float) -> zenoh.Config:

@@ -123,7 +123,11 @@ def quantile(delay: Delay) -> Callable[[Floats], Floats]:
     assert delay.model == "lognormal", delay.model
     variance = np.log1p((spread / mean) ** 2)
     location, width = np.log(mean) - variance / 2, np.sqrt(variance)
-    return lambda p: np.exp(location + width * ndtri(p))
+
+    def lognormal(p: Floats) -> Floats:
+        return np.asarray(np.exp(location + width * ndtri(p)), np.float64)
+
+    return lognormal
 
 
 def initial(channel: Channel) -> ChannelState:

@@ -54,7 +54,7 @@ class WorldCore:
         self,
         arena: engine.Arena,
         run: str,
-        log: Callable[[str], None] = lambda line: None,
+        log: Callable[[str], None] = lambda _line: None,
         record: Record | None = None,
     ) -> None:
         self.arena = arena

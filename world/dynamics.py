@@ -1,4 +1,4 @@
-"""What a commanded step becomes: holonomic as in the paper, or a unicycle with a turn-rate limit."""
+"""What a commanded step becomes: holonomic as in the paper, or a unicycle that turns slowly."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -286,4 +286,5 @@ def _nearest_free(arena: Arena, positions: Floats, wanted: Point) -> Floats:
         away = others - place
         if ((away * away).sum(axis=1) > apart**2).all():
             return place
-    return positions[count]
+    staying: Floats = positions[count]
+    return staying

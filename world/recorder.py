@@ -22,7 +22,7 @@ class Recorder:
     """Writes one recording. The file must not exist yet."""
 
     def __init__(self, path: Path, tick_s: float, metadata: Mapping[str, str]) -> None:
-        self._file: BinaryIO = open(path, "xb")
+        self._file: BinaryIO = open(path, "xb")  # noqa: SIM115  # closed by close()
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
         self._writer.start(profile="", library=LIBRARY)
         self._writer.add_metadata("encircle", dict(metadata))
@@ -41,7 +41,7 @@ class Recorder:
 
     def close(self) -> None:
         """Finish the file."""
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 
     def _register(self, key: str) -> int:

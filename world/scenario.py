@@ -141,7 +141,7 @@ class ChannelModel(_Model):
 
 
 class Capture(_Model):
-    """Captured: ``count`` robots within ``stop_distance_m`` and no gap between them of pi or more."""
+    """Captured: ``count`` robots within ``stop_distance_m``, no gap between them of pi or more."""
 
     count: Annotated[int, Field(ge=2)] | None = None
     stop_distance_m: Length = 1.3
@@ -328,10 +328,10 @@ def _problems_of_names(scenario: Scenario) -> list[str]:
         check_parameters(behaviour_named(scenario.target.behaviour), scenario.target.parameters)
     except ValueError as error:
         found.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
-    for name in sorted(set(scenario.robot) & set(scenario._bodies)):
-        found.append(
-            f"robot.{name} = {scenario.robot[name]!r}: belongs under team, target or capture"
-        )
+    found += [
+        f"robot.{name} = {scenario.robot[name]!r}: belongs under team, target or capture"
+        for name in sorted(set(scenario.robot) & set(scenario._bodies))
+    ]
     try:
         Parameters.from_mapping(scenario.parameters)
     except ValueError as error:
@@ -352,7 +352,10 @@ def _problems_of_names(scenario: Scenario) -> list[str]:
 
 def _problems_of_channel(channel: ChannelModel) -> list[str]:
     found = []
-    named = [("channel.delay", channel.delay), ("channel.loss", channel.loss)]
+    named: list[tuple[str, Delay | Loss]] = [
+        ("channel.delay", channel.delay),
+        ("channel.loss", channel.loss),
+    ]
     for place, link in enumerate(channel.links):
         named.append((f"channel.links.{place}.delay", link.delay or Delay()))
         named.append((f"channel.links.{place}.loss", link.loss or Loss()))

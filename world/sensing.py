@@ -27,7 +27,7 @@ class Geometry(NamedTuple):
 
 
 def geometry(positions: NDArray[np.float64], radii: NDArray[np.float64], moving: int) -> Geometry:
-    """Geometry of bodies at ``positions`` (B + O, 2) with ``radii`` (B + O,), the first B moving."""
+    """Geometry of bodies at ``positions`` (B + O, 2) with ``radii`` (B + O,); B of them move."""
     px, py = positions[:, 0], positions[:, 1]
     x = px - px[:moving, None]
     y = py - py[:moving, None]
@@ -40,7 +40,8 @@ def geometry(positions: NDArray[np.float64], radii: NDArray[np.float64], moving:
 
 @lru_cache(maxsize=64)
 def _diagonal(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    return np.diag_indices(count)
+    rows = np.arange(count)
+    return rows, rows
 
 
 def in_sight(
@@ -72,7 +73,7 @@ def ray_directions(rays: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]
 def scan(
     geo: Geometry, ranges: NDArray[np.float64], radii: NDArray[np.float64], rays: int
 ) -> NDArray[np.float64]:
-    """(B, rays) distances in m from each body's centre to the nearest surface, at most its range."""
+    """(B, rays) distances in m from each body to the nearest surface, at most its range."""
     count = len(geo.x)
     result = np.empty((count, rays))
     result[:] = ranges[:, None]

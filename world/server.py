@@ -72,7 +72,7 @@ class Server:
         self.link.announce(world_key(self.run, "alive"))
         late = self._loop.call_later(self.join_s_max, self._give_up_joining)
         everyone = asyncio.create_task(self._everyone.wait())
-        await asyncio.wait([everyone, self._trouble], return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait({everyone, self._trouble}, return_when=asyncio.FIRST_COMPLETED)
         late.cancel()
         if not self._trouble.done():
             self.joined_s = time.perf_counter() - started
@@ -87,7 +87,7 @@ class Server:
         rounds = asyncio.create_task(asyncio.to_thread(run_rounds, self.core, self.link))
         watch = asyncio.create_task(self._watch_progress())
         try:
-            await asyncio.wait([rounds, self._trouble], return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({rounds, self._trouble}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             watch.cancel()
             self.link.stop_receiving()

@@ -1,4 +1,4 @@
-"""How the target behaves. A behaviour is any callable with the signature of ``Behaviour``.
+"""How the target behaves. A behaviour is any callable of the form of ``Behaviour``.
 
 Those of other packages are found by entry point, group ``encircle.targets``. A behaviour is pure:
 what it wants to remember it returns and is given back at the next tick. Keyword-only arguments are
@@ -6,11 +6,11 @@ its parameters, set in the scenario under ``target.parameters``.
 """
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from importlib.metadata import entry_points
 from math import atan2, cos, hypot, pi, sin
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, TypeAlias
 
 from protocol.messages import Point
 
@@ -20,7 +20,7 @@ GROUP = "encircle.targets"
 class TargetView(NamedTuple):
     """What the target goes by: its own sensors, nothing else.
 
-    ``robots``: absolute positions in m of the robots it detects, in robot order; ``scan``: distances
+    ``robots``: absolute positions in m of the robots it detects, in robot order; ``scan``: distance
     in m to the nearest surface along equally spaced rays, the first along +x; ``heading_rad``: the
     direction of its last step, at first the scenario's.
     """
@@ -34,10 +34,9 @@ class TargetView(NamedTuple):
     radius_m: float
 
 
-class Behaviour(Protocol):
-    """From memory and view to memory and the step wanted, in m."""
-
-    def __call__(self, memory: Any, view: TargetView, **parameters: Any) -> tuple[Any, Point]: ...
+Behaviour: TypeAlias = Callable[..., tuple[Any, Point]]
+"""``(memory, view, **parameters) -> (memory, step)``: what it remembers and sees to what it will
+remember and the step it wants, in m."""
 
 
 def flee(memory: Any, view: TargetView, *, obstacle_range_m: float = 1.5) -> tuple[Any, Point]:
@@ -95,7 +94,7 @@ def patrol(memory: Any, view: TargetView, *, waypoints: Sequence[Point]) -> tupl
     return place, _step(atan2(dy, dx), view.step_m_max)
 
 
-def still(memory: Any, view: TargetView) -> tuple[Any, Point]:
+def still(_memory: Any, _view: TargetView) -> tuple[Any, Point]:
     """Stays where it is."""
     return None, (0.0, 0.0)
 
