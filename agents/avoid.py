@@ -47,6 +47,8 @@ def avoid(
         return step
     keep = parameters.radius_m + parameters.clearance_m
     reach = keep + length
+    near = reach + parameters.radius_m + length
+    peers = [(x, y) for x, y in peers if -near < x < near and -near < y < near]
     limits = _peer_limits(peers, length, parameters)
     walls = []
     if scan and min(scan) <= reach:

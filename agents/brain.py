@@ -81,7 +81,7 @@ def step(
     if len(heard) > 1:
         # Arrival order is never information.
         heard.sort(key=_by_tick_sender_sequence)
-    seen = [(places[robot], position) for robot, position in observation.seen]
+    seen = [(places[robot], x, y) for robot, x, y in observation.seen]
     tick, own = observation.tick, places[role.robot]
     peers = team.fold(state.peers, heard, seen, tick, role.tick_s)
     track = kalman.fold(
@@ -95,7 +95,7 @@ def step(
     safe = avoid(
         wanted,
         observation.scan,
-        [(px - x, py - y) for _, (px, py) in observation.seen],
+        [(seen_x - x, seen_y - y) for _, seen_x, seen_y in seen],
         (estimate.x - x, estimate.y - y) if estimate else None,
         role.parameters,
     )
@@ -131,12 +131,12 @@ def _detections(
 ) -> list[Detection]:
     """Every detection that reached this robot at this tick, its own included."""
     found = [
-        Detection(packet.tick, place, *packet.detection)
+        (packet.tick, place, *packet.detection)
         for place, packet in heard
         if packet.detection is not None and packet.tick < observation.tick
     ]
     if observation.target is not None:
-        found.append(Detection(observation.tick, own, *observation.target))
+        found.append((observation.tick, own, *observation.target))
     return found
 
 

@@ -14,12 +14,16 @@ from agents.strategies import strategy_named
 from protocol.codec import decode, decode_pose, encode
 from protocol.errors import MalformedMessage, OutOfTurn, ProtocolError, WrongSender
 from protocol.keys import parse_key, robot_key
-from protocol.messages import End, Observation, Pose, Setup
+from protocol.messages import End, Observation, Setup
 from protocol.parameters import Parameters
 
 
 class RobotCore:
-    """The protocol around one brain. ``ended`` holds the reason once the run is over."""
+    """The protocol around one brain. ``ended`` holds the reason once the run is over.
+
+    ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation that
+    is already decoded, for hunts inside one process.
+    """
 
     def __init__(
         self, robot: str, run: str, log: Callable[[str], None] = lambda _line: None
@@ -48,7 +52,11 @@ class RobotCore:
         if robot != self.robot:
             raise WrongSender(f"meant for {robot}")
         if channel == "observation":
-            return self._observe(decode(Observation, payload, self.run))
+            action = self.decide(decode(Observation, payload, self.run))
+            return [
+                (self._pose_key, encode(action.pose, self.run)),
+                (self._command_key, encode(action.command, self.run)),
+            ]
         if channel == "setup":
             self._set_up(decode(Setup, payload, self.run))
         elif channel == "end":
@@ -74,38 +82,35 @@ class RobotCore:
             raise MalformedMessage(f"Setup: {error}") from None
         self._state = brain.initial(self.role)
 
-    def _observe(self, observation: Observation) -> list[tuple[str, bytes]]:
+    def decide(self, observation: Observation) -> brain.Action:
+        """Answer an observation; ``OutOfTurn`` before setup or if its tick is not the next one."""
         if self.role is None or self._state is None:
             raise OutOfTurn(f"observation of tick {observation.tick} before setup")
         if observation.robot != self.robot:
             raise WrongSender(f"observation is for {observation.robot}")
-        strangers = {robot for robot, _ in observation.seen} - set(self.role.team)
-        if strangers:
-            raise MalformedMessage(f"Observation: seen {sorted(strangers)[:5]}, not of this team")
         if observation.tick != self._tick + 1:
             raise OutOfTurn(f"observation of tick {observation.tick} after tick {self._tick}")
+        places = brain.places_in(self.role.team)
+        for sighting in observation.seen:
+            if sighting[0] not in places:
+                raise MalformedMessage(f"Observation: seen {sighting[0]!r}, not of this team")
         self._tick = observation.tick
-        packets = [p for p in map(self._opened, observation.inbox) if p is not None]
+        packets = []
+        for packet in observation.inbox:
+            try:
+                pose = decode_pose(packet, self.run)
+                if pose.robot not in places or pose.robot == self.robot:
+                    raise WrongSender(f"pose from {pose.robot}")
+                if pose.tick >= observation.tick:
+                    raise OutOfTurn(f"pose of tick {pose.tick} at tick {observation.tick}")
+                packets.append(pose)
+            except ProtocolError as error:
+                self._refuse("inbox", error)
         self._state, action = brain.step(self._state, observation, packets, self.role)
-        command = action.command
         if self.refused:
-            command = replace(command, refused=dict(sorted(self.refused.items())))
-        return [
-            (self._pose_key, encode(action.pose, self.run)),
-            (self._command_key, encode(command, self.run)),
-        ]
-
-    def _opened(self, packet: bytes) -> Pose | None:
-        """A pose packet of the inbox, or None if it is refused."""
-        assert self.role is not None
-        try:
-            pose = decode_pose(packet, self.run)
-            if pose.robot == self.robot or pose.robot not in brain.places_in(self.role.team):
-                raise WrongSender(f"pose from {pose.robot}")
-            return pose
-        except ProtocolError as error:
-            self._refuse("inbox", error)
-            return None
+            counts = dict(sorted(self.refused.items()))
+            return action._replace(command=replace(action.command, refused=counts))
+        return action
 
     def _refuse(self, key: str, error: ProtocolError) -> None:
         self.refused[error.cause] += 1

@@ -14,7 +14,7 @@ as if everything had arrived in order, and nothing is counted twice.
 
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from filterpy.common import Q_discrete_white_noise
@@ -35,17 +35,15 @@ class Estimate(NamedTuple):
     covariance: tuple[float, float, float]
 
 
-class Detection(NamedTuple):
-    """Where robot number ``origin`` detected the target at ``tick``, in m."""
-
-    tick: int
-    origin: int
-    x: float
-    y: float
+Detection: TypeAlias = tuple[int, int, float, float]
+"""``(tick, origin, x, y)``: where robot number ``origin`` detected the target at ``tick``, in m."""
 
 
 class Entry(NamedTuple):
-    """One tick of the window: its detections by origin, and the filtered estimate after them."""
+    """One tick of the window: its detections and the filtered estimate after them.
+
+    Detections stand in robot order, not in order of arrival: addition is not associative.
+    """
 
     detections: tuple[Detection, ...]
     estimate: Estimate | None
@@ -83,23 +81,22 @@ def fold(
     del entries[: len(entries) - (tick - first + 1)]
     dirty = len(entries) - 1
     newest, dropped = track.detected_tick, track.dropped
-    place, group, origins = -1, (), set[int]()
+    by_tick: dict[int, list[Detection]] = {}
     for detection in detections:
-        if detection[0] - first != place:
-            place = detection[0] - first
-            # The first entry is the checkpoint from which the rest is run again: it stays as it
-            # is, unless it is the very beginning of the run.
-            if place < (0 if first == 0 else 1):
-                dropped, place = dropped + 1, -1
-                continue
-            group = entries[place].detections
-            origins = {d[1] for d in group}
-        if detection[1] not in origins:
-            origins.add(detection[1])
-            group = (*group, detection)
-            entries[place] = Entry(group, None)
+        by_tick.setdefault(detection[0], []).append(detection)
+    for heard_tick, heard in by_tick.items():
+        place = heard_tick - first
+        # The first entry is the checkpoint from which the rest is run again: it stays as it is,
+        # unless it is the very beginning of the run.
+        if place < (0 if first == 0 else 1):
+            dropped += len(heard)
+            continue
+        known = entries[place].detections
+        merged = {d[1]: d for d in (*heard, *known)}  # one per origin, the one known first
+        if len(merged) > len(known):
+            entries[place] = Entry(tuple([merged[origin] for origin in sorted(merged)]), None)
             dirty = min(dirty, place)
-            newest = max(newest, detection[0])
+            newest = max(newest, heard_tick)
     if newest < tick - parameters.track_age_ticks_max:
         return Track(tick + 1, (), -1, dropped)
     noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
@@ -120,10 +117,8 @@ def _step(
     """One tick of the filter: predict, then update with all of the tick's detections at once."""
     count = len(detections)
     if count:
-        # Summed in robot order, not in order of arrival: addition is not associative.
-        heard = sorted(detections) if count > 1 else detections
-        mean_x = sum([d[2] for d in heard]) / count
-        mean_y = sum([d[3] for d in heard]) / count
+        mean_x = sum([d[2] for d in detections]) / count
+        mean_y = sum([d[3] for d in detections]) / count
         if before is None:
             covariance = (noise[2] ** 2 / count, 0.0, velocity_mps_std**2)
             return Estimate(mean_x, mean_y, 0.0, 0.0, covariance)

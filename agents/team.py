@@ -11,15 +11,10 @@ from typing import NamedTuple, TypeAlias
 from protocol.messages import Point, Pose
 from protocol.parameters import Parameters
 
+Peer: TypeAlias = tuple[int, float, float, float, float]
+"""One entry, ``(tick, x, y, vx, vy)``: position in m and velocity in m/tick, as of a tick."""
 
-class Peer(NamedTuple):
-    """One entry: position in m and velocity in m/tick, as of a tick."""
-
-    tick: int
-    x: float
-    y: float
-    vx: float
-    vy: float
+PeerTable: TypeAlias = tuple[Peer | None, ...]
 
 
 class Team(NamedTuple):
@@ -34,49 +29,41 @@ class Team(NamedTuple):
     positions: tuple[Point, ...]
 
 
-PeerTable: TypeAlias = tuple[Peer | None, ...]
-
-
 def fold(
     peers: PeerTable,
     packets: Sequence[tuple[int, Pose]],
-    seen: Sequence[tuple[int, Point]],
+    seen: Sequence[tuple[int, float, float]],
     tick: int,
     tick_s: float,
 ) -> PeerTable:
-    """The table after hearing packets ``(index, pose)`` and seeing robots ``(index, position)``."""
+    """The table after hearing packets ``(index, pose)`` and seeing ``(index, x, y)``."""
     table = list(peers)
     for index, pose in packets:
         known = table[index]
-        if known is None or pose.tick > known.tick:
+        if known is None or pose.tick > known[0]:
             x, y = pose.position
             vx, vy = pose.velocity
-            table[index] = Peer(pose.tick, x, y, vx * tick_s, vy * tick_s)
-    for index, (x, y) in seen:
+            table[index] = (pose.tick, x, y, vx * tick_s, vy * tick_s)
+    for index, x, y in seen:
         known = table[index]
         if known is None:
-            table[index] = Peer(tick, x, y, 0.0, 0.0)
-        elif known.tick < tick:
+            table[index] = (tick, x, y, 0.0, 0.0)
+        elif known[0] < tick:
             # Two sightings, or a packet and a sighting, give the mean velocity in between.
-            age = tick - known.tick
-            table[index] = Peer(tick, x, y, (x - known.x) / age, (y - known.y) / age)
+            age = tick - known[0]
+            table[index] = (tick, x, y, (x - known[1]) / age, (y - known[2]) / age)
     return tuple(table)
 
 
 def team_of(peers: PeerTable, own: int, position: Point, tick: int, parameters: Parameters) -> Team:
     """The team to plan with at a tick: this robot and every peer that is young enough."""
+    table = list(peers)
+    table[own] = (tick, *position, 0.0, 0.0)
     oldest = tick - parameters.peer_age_ticks_max
-    extrapolate = parameters.peer_policy == "extrapolate"
-    members, rows = [], []
-    for index, peer in enumerate(peers):
-        if index == own:
-            members.append(index)
-            rows.append(position)
-        elif peer is not None and peer.tick >= oldest:
-            members.append(index)
-            if extrapolate:
-                age = tick - peer.tick
-                rows.append((peer.x + age * peer.vx, peer.y + age * peer.vy))
-            else:
-                rows.append((peer.x, peer.y))
-    return Team(tuple(members), members.index(own), tuple(rows))
+    young = [(i, peer) for i, peer in enumerate(table) if peer is not None and peer[0] >= oldest]
+    if parameters.peer_policy == "extrapolate":
+        rows = [(x + (tick - t) * vx, y + (tick - t) * vy) for _, (t, x, y, vx, vy) in young]
+    else:
+        rows = [(x, y) for _, (_, x, y, _, _) in young]
+    members = tuple([i for i, _ in young])
+    return Team(members, members.index(own), tuple(rows))

@@ -1,12 +1,14 @@
 """A hunt inside one process: the same cores as in the real thing, joined by hand.
 
-Every message is encoded and decoded as over Zenoh, so that the digest is the same and the recording
-too; only processes, threads and sockets are left out.
+Poses and commands are encoded as over Zenoh, and poses decoded by whoever the radio delivers them
+to, so digest and recording are the same. Left out are processes, threads and sockets, and the
+decoding of what this process has itself just encoded.
 """
 
 from collections.abc import Callable
 
 from agents.core import RobotCore
+from protocol.codec import encode
 from world.core import Record, Result, WorldCore
 from world.engine import Arena
 
@@ -24,13 +26,10 @@ def run_in_memory(
     for robot, core in robots.items():
         for key, payload in world.join(robot):
             core.receive(key, payload)
-    outgoing = world.begin()
-    while world.ended is None:
-        asked, outgoing = outgoing, []
-        # The world sends to robots in robot order, one message each.
-        for core, (key, payload) in zip(robots.values(), asked, strict=True):
-            for answer_key, answer in core.receive(key, payload):
-                outgoing += world.receive(answer_key, answer)
+    while asked := world.ask():
+        for core, observation in zip(robots.values(), asked, strict=True):
+            pose, command = core.decide(observation)
+            world.answer(pose, encode(pose, run), command, encode(command, run))
         world.settle()
         if progress is not None:
             progress(world)

@@ -33,8 +33,10 @@ BYTES_MAX: dict[type[Any], int] = {
     Radio: 256 * 1024,
 }
 TEXT_MAX = 256
+LIST_MAX = 256
 HEADER_BYTES = 9  # map size, "v", version, "run" and the size of a run's name below 32 letters
 SHOWN_MAX = 80
+_FLOAT, _STR, _BYTES = {float}, {str}, {bytes}
 
 
 def encode(message: Message, run: str) -> bytes:
@@ -140,12 +142,6 @@ def _truth(value: Any) -> bool:
     raise ValueError("true or false")
 
 
-def _packet(value: Any) -> bytes:
-    if type(value) is bytes:
-        return value
-    raise ValueError("bytes")
-
-
 def _point(value: Any) -> Point:
     try:
         x, y = value
@@ -157,10 +153,41 @@ def _point(value: Any) -> Point:
 
 
 def _scan(value: Any) -> tuple[float, ...]:
-    # An infinite or NaN entry makes the sum not finite: one pass in C instead of one call each.
-    if type(value) is tuple and all(type(v) is float for v in value) and math.isfinite(sum(value)):
+    # An infinite or NaN entry makes the sum not finite: passes in C instead of a call for each.
+    if type(value) is tuple and set(map(type, value)) <= _FLOAT and math.isfinite(sum(value)):
         return value
-    return _many(_number)(value)
+    return _numbers(value)
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    if type(value) is tuple and set(map(type, value)) <= _STR and len(value) <= LIST_MAX:
+        return value
+    raise ValueError(f"a list of at most {LIST_MAX} texts")
+
+
+def _packets(value: Any) -> tuple[bytes, ...]:
+    if type(value) is tuple and set(map(type, value)) <= _BYTES:
+        return value
+    raise ValueError("a list of bytes")
+
+
+def _seen(value: Any) -> tuple[tuple[str, float, float], ...]:
+    if type(value) is not tuple:
+        raise ValueError("a list")
+    total = 0.0
+    for item in value:
+        if type(item) is not tuple or tuple(map(type, item)) != (str, float, float):
+            return tuple([_sighting(sighting) for sighting in value])
+        total += item[1] + item[2]
+    if not math.isfinite(total):
+        raise ValueError("made of a robot's id and two finite numbers each")
+    return value
+
+
+def _sighting(value: Any) -> tuple[str, float, float]:
+    if type(value) is not tuple or len(value) != 3:
+        raise ValueError("made of a robot's id and two finite numbers each")
+    return _text(value[0]), _number(value[1]), _number(value[2])
 
 
 def _parameters(value: Any) -> dict[str, Any]:
@@ -195,6 +222,8 @@ def _pair(first: Callable[[Any], A], second: Callable[[Any], B]) -> Callable[[An
     return checked
 
 
+_numbers = _many(_number)
+
 _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "robot": _text,
     "tick": _count,
@@ -206,19 +235,19 @@ _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "velocity": _point,
     "step": _point,
     "heading_rad": _number,
-    "headings_rad": _many(_number),
+    "headings_rad": _numbers,
     "target": _point,
     "detection": _optional(_point),
     "goal": _optional(_point),
     "estimate": _optional(_point),
     "scan": _scan,
-    "seen": _many(_pair(_text, _point)),
-    "inbox": _many(_packet),
+    "seen": _seen,
+    "inbox": _packets,
     "mode": _text,
     "xi": _optional(_number),
     "point": _optional(_count),
     "predictor": _optional(_text),
-    "team": _many(_text),
+    "team": _texts,
     "refused": _counts,
     "reason": _text,
     "robots": _many(_point),

@@ -40,7 +40,7 @@ class Observation:
 
     ``scan[m]`` is the distance in m from the robot's centre to the nearest surface along the ray
     with bearing ``2 pi m / len(scan)`` in the world frame, or the sensing range if there is none.
-    ``seen`` holds the robots in range and in sight as ``(id, (x, y))``. ``inbox`` holds the pose
+    ``seen`` holds the robots in range and in sight as ``(id, x, y)``. ``inbox`` holds the pose
     packets that the radio delivers at this tick, as their senders encoded them.
     """
 
@@ -50,7 +50,7 @@ class Observation:
     heading_rad: float
     target: Point | None
     scan: tuple[float, ...]
-    seen: tuple[tuple[str, Point], ...]
+    seen: tuple[tuple[str, float, float], ...]
     inbox: tuple[bytes, ...]
 
 

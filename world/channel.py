@@ -50,10 +50,10 @@ class Burst(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """Packets on their way: ``pairs`` (sender, receiver) of what was sent at ``sent_tick``."""
+    """Packets of one tick that arrive together: (N, N) whether [sender, receiver] has one."""
 
     sent_tick: int
-    pairs: list[tuple[int, int]]
+    links: NDArray[np.bool_]
 
 
 class ChannelState(NamedTuple):
@@ -176,19 +176,18 @@ def transmit(
     return ChannelState(bad, last, _launched(state.flights, fates, tick)), fates
 
 
-def deliver(state: ChannelState, tick: int) -> tuple[ChannelState, list[tuple[int, int, int]]]:
-    """Take what is due at a tick off the radio, as (sent tick, sender, receiver), in that order."""
+def deliver(state: ChannelState, tick: int) -> tuple[ChannelState, tuple[Flight, ...]]:
+    """Take what is due at a tick off the radio, in the order in which it was sent."""
     if tick not in state.flights:
-        return state, []
+        return state, ()
     flights = dict(state.flights)
-    due = sorted(flights.pop(tick))
-    found = [(flight.sent_tick, s, r) for flight in due for s, r in flight.pairs]
-    return state._replace(flights=flights), found
+    due = flights.pop(tick)
+    return state._replace(flights=flights), due
 
 
 def in_flight(state: ChannelState) -> int:
     """How many packets are on their way."""
-    return sum(len(flight.pairs) for flights in state.flights.values() for flight in flights)
+    return sum(int(f.links.sum()) for flights in state.flights.values() for f in flights)
 
 
 def _draw(channel: Channel, purpose: Purpose, tick: int) -> Floats:
@@ -199,13 +198,11 @@ def _launched(
     flights: Mapping[int, tuple[Flight, ...]], fates: NDArray[np.int64], tick: int
 ) -> dict[int, tuple[Flight, ...]]:
     """``flights`` and what was sent at ``tick``."""
-    senders, receivers = np.nonzero(fates > 0)
-    pairs_by_due: dict[int, list[tuple[int, int]]] = {}
-    for due, sender, receiver in zip(
-        fates[senders, receivers].tolist(), senders.tolist(), receivers.tolist(), strict=True
-    ):
-        pairs_by_due.setdefault(due, []).append((sender, receiver))
     launched = dict(flights)
-    for due, pairs in pairs_by_due.items():
-        launched[due] = (*launched.get(due, ()), Flight(tick, pairs))
+    arrivals = fates[fates > 0]
+    if len(arrivals) == 0:
+        return launched
+    first, last = int(arrivals.min()), int(arrivals.max())
+    for due in (first,) if first == last else np.unique(arrivals).tolist():
+        launched[due] = (*launched.get(due, ()), Flight(tick, fates == due))
     return launched

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol import VERSION
-from protocol.codec import body_of, decode, decode_pose, encode
+from protocol.codec import Message, body_of, decode, decode_pose, encode
 from protocol.errors import OutOfTurn, ProtocolError, WrongSender
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.lockstep import LockStep, Move, Phase
-from protocol.messages import Command, End, Pose, Radio, Setup
+from protocol.messages import Command, End, Observation, Pose, Radio, Setup
 from world import channel as radio
 from world import engine
 
@@ -69,7 +69,8 @@ class WorldCore:
         self._commands: dict[str, tuple[Command, bytes]] = {}
         self._unsettled: list[tuple[int, list[bytes], Outgoing]] = []
         self._digest = hashlib.blake2b(digest_size=16)
-        self._sent = 0
+        self._encoded: Outgoing = []
+        self._packets_sent = 0
         self._lost: Counter[int] = Counter()
         self._contacts = 0
         configuration = arena.scenario.model_dump(
@@ -97,9 +98,7 @@ class WorldCore:
 
     def begin(self) -> Outgoing:
         """The first observations, once everyone has joined."""
-        # Recorded here and in robot order, whatever the order in which the robots joined.
-        self._unsettled.append((0, [], [self._setup(robot) for robot in self.arena.ids]))
-        return self._ask()
+        return self._sent(self.ask())
 
     def receive(self, key: str, payload: bytes) -> Outgoing:
         """Take one message in; returns the messages to send. Never raises for remote input."""
@@ -111,7 +110,34 @@ class WorldCore:
             return []
         if self.ended is not None or not self.table.complete:
             return []
-        return self._advance()
+        return self._sent(self.ask())
+
+    def ask(self) -> list[Observation]:
+        """Finish the round that everyone has answered, if any, and open the next one.
+
+        Returns the observations to be answered; none when the run is over.
+        """
+        if self.table.tick < 0:
+            # Recorded here and in robot order, whatever the order in which the robots joined.
+            self._unsettled.append((0, [], [self._setup(robot) for robot in self.arena.ids]))
+        else:
+            self._advance()
+        state = self.state
+        if state.captured or state.tick >= self.arena.scenario.ticks_max:
+            self.ended = "captured" if state.captured else "ticks"
+            self._keep(self._end_messages() if self._record else [])
+            return []
+        self.table.ask_all(state.tick)
+        observations = engine.observe(self.arena, state)
+        if self._record is not None:
+            self._encoded = [self._encode(o.robot, "observation", o) for o in observations]
+        self._keep(self._encoded)
+        return observations
+
+    def answer(self, pose: Pose, packet: bytes, command: Command, payload: bytes) -> None:
+        """Take one robot's answer, decoded and as bytes; ``OutOfTurn`` as in ``receive``."""
+        self._take_pose(pose, packet)
+        self._take_command(command, payload)
 
     def fail(self, reason: str) -> Outgoing:
         """End the run as failed; returns the messages that tell the robots."""
@@ -136,16 +162,17 @@ class WorldCore:
         lost = {radio.CAUSES[code]: number for code, number in sorted(self._lost.items())}
         flying = radio.in_flight(state.air)
         # What is due at the last tick has arrived, though no robot is asked any more.
-        arrived_unread = len(radio.deliver(state.air, state.tick)[1])
+        unread = radio.deliver(state.air, state.tick)[1]
+        arrived_unread = sum(int(flight.links.sum()) for flight in unread)
         return Result(
             state.captured,
             state.tick if state.captured else None,
             state.tick,
             self.ended or "running",
             tuple(state.geometry.distances[:count, count].tolist()),
-            self._sent,
+            self._packets_sent,
             lost,
-            self._sent - sum(lost.values()) - flying + arrived_unread,
+            self._packets_sent - sum(lost.values()) - flying + arrived_unread,
             flying - arrived_unread,
             self._contacts,
             dict(sorted(self.refused.items())),
@@ -154,50 +181,44 @@ class WorldCore:
 
     def _receive(self, key: str, payload: bytes) -> None:
         _, robot, channel = parse_key(key)
-        if robot is None or channel not in ("pose", "command"):
-            raise OutOfTurn(f"the world does not listen to {channel!r}")
         if channel == "pose":
             pose = decode_pose(payload, self.run)
-            self._check_sender(robot, pose)
-            self.table.move(robot, Move.POSE, pose.tick)
-            self._poses[robot] = payload
-        else:
+            _check_sender(robot, pose)
+            self._take_pose(pose, payload)
+        elif channel == "command":
             command = decode(Command, payload, self.run)
-            self._check_sender(robot, command)
-            self.table.move(robot, Move.COMMAND, command.tick)
-            self._commands[robot] = (command, payload)
+            _check_sender(robot, command)
+            self._take_command(command, payload)
+        else:
+            raise OutOfTurn(f"the world does not listen to {channel!r}")
 
-    @staticmethod
-    def _check_sender(robot: str, message: Pose | Command) -> None:
-        if message.robot != robot:
-            raise WrongSender(f"{type(message).__name__} says it is from {message.robot!r}")
+    def _take_pose(self, pose: Pose, packet: bytes) -> None:
+        self.table.move(pose.robot, Move.POSE, pose.tick)
+        self._poses[pose.robot] = packet
 
-    def _ask(self) -> Outgoing:
-        """Observations for everyone, or the end if there is nothing more to do."""
-        state, scenario = self.state, self.arena.scenario
-        if state.captured or state.tick >= scenario.ticks_max:
-            self.ended = "captured" if state.captured else "ticks"
-            told = self._end_messages()
-            self._keep(state.tick, [], told)
-            return told
-        self.table.ask_all(state.tick)
-        asked = [
-            (robot_key(self.run, o.robot, "observation"), encode(o, self.run))
-            for o in engine.observe(self.arena, state)
-        ]
-        self._keep(state.tick, [], asked)
-        return asked
+    def _take_command(self, command: Command, payload: bytes) -> None:
+        self.table.move(command.robot, Move.COMMAND, command.tick)
+        self._commands[command.robot] = (command, payload)
 
-    def _keep(self, tick: int, digested: list[bytes], messages: Outgoing) -> None:
-        """Note a tick's truth and its messages for ``settle``."""
+    def _encode(self, robot: str, channel: str, message: Message) -> tuple[str, bytes]:
+        return robot_key(self.run, robot, channel), encode(message, self.run)
+
+    def _sent(self, observations: list[Observation]) -> Outgoing:
+        """What to send for a round: its observations, or the end of the run."""
+        if self.ended is not None:
+            return self._end_messages()
+        return self._encoded or [self._encode(o.robot, "observation", o) for o in observations]
+
+    def _keep(self, messages: Outgoing) -> None:
+        """Note the truth at a tick, and the messages sent at it, for ``settle``."""
         state = self.state
         if self._record is not None:
             shown = encode(engine.truth(self.arena, state), self.run)
             messages = [(world_key(self.run, "state"), shown), *messages]
         truth = state.positions[: len(self.arena.ids) + 1].tobytes() + bytes([state.captured])
-        self._unsettled.append((tick, [truth, *digested], messages))
+        self._unsettled.append((state.tick, [truth], messages))
 
-    def _advance(self) -> Outgoing:
+    def _advance(self) -> None:
         tick, ids = self.state.tick, self.arena.ids
         steps = np.array([self._commands[robot][0].step for robot in ids])
         packets = [self._poses[robot] for robot in ids]
@@ -219,10 +240,9 @@ class WorldCore:
         self._unsettled.append((tick, digested, messages))
         self._poses.clear()
         self._commands.clear()
-        return self._ask()
 
     def _count(self, fates: NDArray[np.int64]) -> None:
-        self._sent += len(self.arena.ids) * (len(self.arena.ids) - 1)
+        self._packets_sent += len(self.arena.ids) * (len(self.arena.ids) - 1)
         if fates.min() < 0:
             self._lost.update((-fates[fates < 0]).tolist())
         self._contacts += len(self.state.contacts)
@@ -230,9 +250,11 @@ class WorldCore:
     def _end_messages(self) -> Outgoing:
         reason = (self.ended or "")[:200]
         return [
-            (
-                robot_key(self.run, robot, "end"),
-                encode(End(robot, self.state.tick, reason), self.run),
-            )
+            self._encode(robot, "end", End(robot, self.state.tick, reason))
             for robot in self.arena.ids
         ]
+
+
+def _check_sender(robot: str | None, message: Pose | Command) -> None:
+    if message.robot != robot:
+        raise WrongSender(f"{type(message).__name__} says it is from {message.robot!r}")

@@ -6,6 +6,7 @@ tick 0, ``observe`` what each robot senses and receives there, ``advance`` the s
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 from math import atan2, cos, pi, sin
 from typing import Any, NamedTuple
 
@@ -89,10 +90,11 @@ def observe(arena: Arena, state: ArenaState) -> list[Observation]:
     """What each robot senses, and what its radio delivers, at the state's tick; in robot order."""
     count = len(arena.ids)
     tick = state.tick
-    _, due = radio.deliver(state.air, tick)
     inboxes: list[list[bytes]] = [[] for _ in arena.ids]
-    for sent_tick, sender, receiver in due:
-        inboxes[receiver].append(state.packets[sent_tick][sender])
+    for sent_tick, links in radio.deliver(state.air, tick)[1]:
+        packets = state.packets[sent_tick]
+        for inbox, arrives in zip(inboxes, links.T.tolist(), strict=True):
+            inbox += compress(packets, arrives)
     places = [tuple(p) for p in state.positions[:count].tolist()]
     targets = _detected(arena, state)
     visible = state.visible[:count].tolist()
@@ -106,7 +108,7 @@ def observe(arena: Arena, state: ArenaState) -> list[Observation]:
             headings[i],
             targets[i] if visible[i][count] else None,
             tuple(scans[i]),
-            tuple([(arena.ids[k], places[k]) for k in range(count) if visible[i][k]]),
+            tuple([(arena.ids[k], *places[k]) for k in range(count) if visible[i][k]]),
             tuple(inboxes[i]),
         )
         for i, robot in enumerate(arena.ids)

@@ -42,7 +42,7 @@ _SHAPES: dict[str, dict[str, Any]] = {
     "goal": _MAYBE_POINT,
     "estimate": _MAYBE_POINT,
     "scan": _list(_NUMBER),
-    "seen": _list({"type": "array", "prefixItems": [_TEXT, _POINT]}),
+    "seen": _list({"type": "array", "prefixItems": [_TEXT, _NUMBER, _NUMBER]}),
     "inbox": _list({"type": "string", "contentEncoding": "binary"}),
     "mode": _TEXT,
     "xi": {"type": ["number", "null"]},
