@@ -7,12 +7,9 @@ collisions. No clock, no link, no log, no random draw.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import hypot
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from agents import kalman, team
 from agents.avoid import avoid
@@ -46,11 +43,6 @@ def places_in(team_ids: tuple[str, ...]) -> dict[str, int]:
     return {robot: place for place, robot in enumerate(team_ids)}
 
 
-def _by_tick_sender_sequence(heard: tuple[int, Pose]) -> tuple[int, int, int]:
-    place, packet = heard
-    return packet.tick, place, packet.sequence
-
-
 class BrainState(NamedTuple):
     """All that a robot remembers from one tick to the next."""
 
@@ -77,10 +69,9 @@ def step(
 ) -> tuple[BrainState, Action]:
     """One tick. ``packets``: the decoded inbox, in any order, senders in ``role.team``."""
     places = places_in(role.team)
-    heard = [(places[packet.robot], packet) for packet in packets]
-    if len(heard) > 1:
-        # Arrival order is never information.
-        heard.sort(key=_by_tick_sender_sequence)
+    # Arrival order is never information.
+    ranked = [(p.tick, places[p.robot], p.sequence, k) for k, p in enumerate(packets)]
+    heard = [(place, packets[k]) for _, place, _, k in sorted(ranked)]
     seen = [(places[robot], x, y) for robot, x, y in observation.seen]
     tick, own = observation.tick, places[role.robot]
     peers = team.fold(state.peers, heard, seen, tick, role.tick_s)
@@ -88,7 +79,7 @@ def step(
         state.track, _detections(observation, own, heard), tick, role.tick_s, role.parameters
     )
     mates = team.team_of(peers, own, observation.position, tick, role.parameters)
-    choice, predictor, search = _choose(state.search, track, mates, observation, role)
+    choice, search = _choose(state.search, track, mates, observation, role)
     estimate = track.estimate
     x, y = observation.position
     wanted = _limited(choice.step, role.parameters.step_m_max)
@@ -120,7 +111,7 @@ def step(
         choice.point,
         choice.goal,
         (estimate.x, estimate.y) if estimate else None,
-        predictor,
+        choice.predictor,
         tuple([role.team[place] for place in mates.members]),
     )
     return BrainState(peers, track, observation.position, search), Action(pose, command)
@@ -142,25 +133,18 @@ def _detections(
 
 def _choose(
     search: Search | None, track: Track, mates: team.Team, observation: Observation, role: Role
-) -> tuple[Choice, str | None, Search | None]:
-    """The strategy's choice, what predicted the target, and the search that is under way."""
+) -> tuple[Choice, Search | None]:
+    """The strategy's choice, or the search's, and the search if one is under way."""
     parameters, tick = role.parameters, observation.tick
     estimate = track.estimate
     if estimate is None:
         x, y = observation.position
         search = search or Search(x, y, tick)
         goal = search_goal(search, tick, role.own, len(role.team), parameters)
-        return Choice("search", (goal[0] - x, goal[1] - y), goal), None, search
-    predictor = ""
-
-    def predict(xi_grid: tuple[float, ...]) -> NDArray[np.float64]:
-        nonlocal predictor
-        predicted, predictor = extrapolate(track, xi_grid, role.tick_s, parameters)
-        return predicted
-
+        return Choice("search", (goal[0] - x, goal[1] - y), goal), search
+    predict = partial(extrapolate, track, role.tick_s, parameters)
     view = View(mates.own, mates.positions, (estimate.x, estimate.y), predict, parameters)
-    choice = role.strategy(view)
-    return choice, predictor or None, None
+    return role.strategy(view), None
 
 
 def _limited(step: Point, length_m_max: float) -> Point:

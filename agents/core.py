@@ -21,8 +21,8 @@ from protocol.parameters import Parameters
 class RobotCore:
     """The protocol around one brain. ``ended`` holds the reason once the run is over.
 
-    ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation that
-    is already decoded, for hunts inside one process.
+    ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation
+    that is already decoded, for hunts inside one process.
     """
 
     def __init__(

@@ -19,6 +19,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import predict, update
+from numpy.typing import NDArray
 
 from protocol.parameters import Parameters
 
@@ -94,7 +95,7 @@ def fold(
         known = entries[place].detections
         merged = {d[1]: d for d in (*heard, *known)}  # one per origin, the one known first
         if len(merged) > len(known):
-            entries[place] = Entry(tuple([merged[origin] for origin in sorted(merged)]), None)
+            entries[place] = Entry(tuple(sorted(merged.values())), None)
             dirty = min(dirty, place)
             newest = max(newest, heard_tick)
     if newest < tick - parameters.track_age_ticks_max:
@@ -150,14 +151,23 @@ def covariance_step(
     The gain is read off filterpy's update as its answer to a unit innovation from a zero mean.
     """
     p00, p01, p11 = covariance
-    transition = np.array([[1.0, tick_s], [0.0, 1.0]])
-    process = Q_discrete_white_noise(2, tick_s, acceleration_mps2_std**2)
+    transition, process, position_of = _model(tick_s, acceleration_mps2_std)
     zero = np.zeros(2)
     _, p = predict(zero, np.array([[p00, p01], [p01, p11]]), transition, process)
     gain_x = gain_v = 0.0
     if count:
         variance = np.array([[measurement_m_std**2 / count]])
-        gain, p = update(zero, p, 1.0, variance, np.array([[1.0, 0.0]]))
+        gain, p = update(zero, p, 1.0, variance, position_of)
         gain_x, gain_v = float(gain[0]), float(gain[1])
     after = tuple(round(float(value), COVARIANCE_DIGITS) for value in (p[0, 0], p[0, 1], p[1, 1]))
     return (after[0], after[1], after[2]), gain_x, gain_v
+
+
+@lru_cache(maxsize=16)
+def _model(
+    tick_s: float, acceleration_mps2_std: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Transition, process noise and measurement matrix of one axis."""
+    transition = np.array([[1.0, tick_s], [0.0, 1.0]])
+    process = Q_discrete_white_noise(2, tick_s, acceleration_mps2_std**2)
+    return transition, process, np.array([[1.0, 0.0]])

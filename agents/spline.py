@@ -34,7 +34,7 @@ def _column(xi_grid: tuple[float, ...]) -> NDArray[np.float64]:
 
 
 def extrapolate(
-    track: Track, xi_grid: tuple[float, ...], tick_s: float, parameters: Parameters
+    track: Track, tick_s: float, parameters: Parameters, xi_grid: tuple[float, ...]
 ) -> tuple[NDArray[np.float64], str]:
     """Predicted positions, (len(xi_grid), 2) in m, and how: ``spline``, ``velocity`` or ``hold``.
 

@@ -30,13 +30,13 @@ class View(NamedTuple):
 
     ``positions``: of the team's N members in m, robot order; ``own``: this robot's place among
     them; ``target``: the estimated target position in m; ``predict``: from a tuple of G prediction
-    steps to predicted target positions (G, 2) in m.
+    steps to predicted target positions (G, 2) in m, and what predicted them.
     """
 
     own: int
     positions: Sequence[Point]
     target: Point
-    predict: Callable[[tuple[float, ...]], NDArray[np.float64]]
+    predict: Callable[[tuple[float, ...]], tuple[NDArray[np.float64], str]]
     parameters: Parameters
 
 
@@ -48,6 +48,7 @@ class Choice(NamedTuple):
     goal: Point
     xi: float | None = None
     point: int | None = None
+    predictor: str | None = None
 
 
 class Strategy(Protocol):
@@ -72,17 +73,15 @@ def pursue(view: View) -> Choice:
 
 def _encircle(view: View, xi_grid: tuple[float, ...]) -> Choice:
     parameters = view.parameters
-    points = encirclement_points(
-        view.positions, view.target, view.predict(xi_grid), parameters.ring_radius_m
-    )
+    predicted, predictor = view.predict(xi_grid)
+    points = encirclement_points(view.positions, view.target, predicted, parameters.ring_radius_m)
     choice, distances = assign(np.array(view.positions), points)
     best = best_step(distances, xi_grid, parameters.xi_weight) if len(xi_grid) > 1 else 0
     point = int(choice[best, view.own])
     goal_x, goal_y = points[best, point].tolist()
     own_x, own_y = view.positions[view.own]
-    return Choice(
-        "encircle", (goal_x - own_x, goal_y - own_y), (goal_x, goal_y), xi_grid[best], point
-    )
+    step = (goal_x - own_x, goal_y - own_y)
+    return Choice("encircle", step, (goal_x, goal_y), xi_grid[best], point, predictor)
 
 
 def _shrink(view: View) -> Choice | None:

@@ -60,10 +60,11 @@ def team_of(peers: PeerTable, own: int, position: Point, tick: int, parameters: 
     table = list(peers)
     table[own] = (tick, *position, 0.0, 0.0)
     oldest = tick - parameters.peer_age_ticks_max
-    young = [(i, peer) for i, peer in enumerate(table) if peer is not None and peer[0] >= oldest]
+    members = tuple([i for i, peer in enumerate(table) if peer is not None and peer[0] >= oldest])
+    if len(members) < len(table):
+        table = [table[i] for i in members]
     if parameters.peer_policy == "extrapolate":
-        rows = [(x + (tick - t) * vx, y + (tick - t) * vy) for _, (t, x, y, vx, vy) in young]
+        rows = [(x + (tick - t) * vx, y + (tick - t) * vy) for t, x, y, vx, vy in table]  # type: ignore[misc]
     else:
-        rows = [(x, y) for _, (_, x, y, _, _) in young]
-    members = tuple([i for i, _ in young])
+        rows = [(x, y) for _, x, y, _, _ in table]  # type: ignore[misc]
     return Team(members, members.index(own), tuple(rows))

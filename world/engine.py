@@ -4,7 +4,7 @@
 tick 0, ``observe`` what each robot senses and receives there, ``advance`` the state one tick later.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import compress
 from math import atan2, cos, pi, sin
@@ -260,9 +260,7 @@ def _placed(arena: Arena) -> list[Point]:
     free.append(((tx, ty), scenario.target.radius_m + scenario.team.radius_m))
     placed: list[Point] = []
     for robot in range(len(arena.ids)):
-        # One stream per robot, so that the first N starts are the same for every larger team.
-        draws = uniforms(arena.seed, Purpose.PLACEMENT, robot, 2 * PLACEMENT_TRIES_MAX)
-        for u, v in draws.reshape(-1, 2).tolist():
+        for u, v in _tries(arena.seed, robot):
             distance = (low + u * (high - low)) ** 0.5
             x, y = tx + distance * cos(2 * pi * v), ty + distance * sin(2 * pi * v)
             if all((x - ox) ** 2 + (y - oy) ** 2 > (1.05 * apart) ** 2 for (ox, oy), apart in free):
@@ -275,6 +273,14 @@ def _placed(arena: Arena) -> list[Point]:
                 f" {placement.distance_m_min} and {placement.distance_m_max} m from the target"
             )
     return placed
+
+
+def _tries(seed: int, robot: int) -> Iterator[tuple[float, float]]:
+    """Pairs of draws, one stream per robot: the first N starts are any larger team's too."""
+    for count in (16, PLACEMENT_TRIES_MAX):
+        # A stream's first draws are the same however many are taken.
+        pairs = uniforms(seed, Purpose.PLACEMENT, robot, 2 * count).reshape(count, 2)
+        yield from (tuple(pair) for pair in pairs[0 if count == 16 else 16 :].tolist())
 
 
 def _nearest_free(arena: Arena, positions: Floats, wanted: Point) -> Floats:

@@ -27,6 +27,7 @@ Seconds = Annotated[float, Field(ge=0.0, le=600.0, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 Tick = Annotated[int, Field(ge=0, le=10_000_000)]
 ROBOTS_MAX = 256
+SPACING_BODIES = 1.5
 
 
 class ScenarioError(ValueError):
@@ -177,9 +178,12 @@ class Scenario(_Model):
 
     @cached_property
     def fits_around(self) -> int:
-        """How many robots fit side by side at the stop distance."""
-        half_width = min(1.0, self.team.radius_m / self.capture.stop_distance_m)
-        return floor(pi / asin(half_width))
+        """How many robots fit at the stop distance with half a body's width between neighbours.
+
+        More would fit if they took equal places; robots that hunt do not (``docs/paper.md``).
+        """
+        half_room = SPACING_BODIES * self.team.radius_m / self.capture.stop_distance_m
+        return floor(pi / asin(min(1.0, half_room)))
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
