@@ -85,15 +85,15 @@ def fold(
     by_tick: dict[int, list[Detection]] = {}
     for detection in detections:
         by_tick.setdefault(detection[0], []).append(detection)
-    for heard_tick, heard in by_tick.items():
+    for heard_tick, arrived in by_tick.items():
         place = heard_tick - first
         # The first entry is the checkpoint from which the rest is run again: it stays as it is,
         # unless it is the very beginning of the run.
         if place < (0 if first == 0 else 1):
-            dropped += len(heard)
+            dropped += len(arrived)
             continue
         known = entries[place].detections
-        merged = {d[1]: d for d in (*heard, *known)}  # one per origin, the one known first
+        merged = {d[1]: d for d in (*arrived, *known)}  # one per origin, the one known first
         if len(merged) > len(known):
             entries[place] = Entry(tuple(sorted(merged.values())), None)
             dirty = min(dirty, place)

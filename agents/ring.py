@@ -18,7 +18,7 @@ from protocol.messages import Point
 @lru_cache(maxsize=256)
 def _rotations(count: int) -> NDArray[np.complex128]:
     """The N rotations of Eq. 1 as complex numbers: turning a vector is one multiplication."""
-    return np.exp(2j * pi * np.arange(count) / count)
+    return np.asarray(np.exp(2j * pi * np.arange(count) / count), np.complex128)
 
 
 def encirclement_points(

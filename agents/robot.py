@@ -8,6 +8,7 @@ an asyncio loop from there costs half as much again as all the rest (``docs/arch
 import asyncio
 import signal
 from collections.abc import Callable
+from typing import Any
 
 from agents.core import RobotCore
 from protocol.errors import LinkClosed
@@ -58,7 +59,7 @@ async def run_robot(robot: str, run: str, endpoint: str, join_s_max: float = JOI
     rounds = asyncio.create_task(asyncio.to_thread(answer_rounds, core, link))
     joining = loop.call_later(join_s_max, _give_up_joining, core, stop, run, endpoint, join_s_max)
     try:
-        await asyncio.wait({rounds, trouble}, return_when=asyncio.FIRST_COMPLETED)
+        await _first_of(rounds, trouble)
     finally:
         joining.cancel()
         link.stop_receiving()
@@ -68,6 +69,10 @@ async def run_robot(robot: str, run: str, endpoint: str, join_s_max: float = JOI
         return 1 if core.ended.startswith("failed") else 0
     log(f"robot {robot}: {trouble.result() if trouble.done() else 'the link was closed'}")
     return 1
+
+
+async def _first_of(*futures: "asyncio.Future[Any]") -> None:
+    await asyncio.wait(futures, return_when=asyncio.FIRST_COMPLETED)
 
 
 def _give_up_joining(

@@ -119,7 +119,7 @@ def quantile(delay: Delay) -> Callable[[Floats], Floats]:
         return lambda p: low + (high - low) * p
     if delay.model == "gamma":
         shape, scale = (mean / spread) ** 2, spread**2 / mean
-        return lambda p: scale * gammaincinv(shape, p)
+        return lambda p: np.asarray(scale * gammaincinv(shape, p), np.float64)
     assert delay.model == "lognormal", delay.model
     variance = np.log1p((spread / mean) ** 2)
     location, width = np.log(mean) - variance / 2, np.sqrt(variance)

@@ -72,7 +72,7 @@ class Server:
         self.link.announce(world_key(self.run, "alive"))
         late = self._loop.call_later(self.join_s_max, self._give_up_joining)
         everyone = asyncio.create_task(self._everyone.wait())
-        await asyncio.wait({everyone, self._trouble}, return_when=asyncio.FIRST_COMPLETED)
+        await _first_of(everyone, self._trouble)
         late.cancel()
         if not self._trouble.done():
             self.joined_s = time.perf_counter() - started
@@ -87,7 +87,7 @@ class Server:
         rounds = asyncio.create_task(asyncio.to_thread(run_rounds, self.core, self.link))
         watch = asyncio.create_task(self._watch_progress())
         try:
-            await asyncio.wait({rounds, self._trouble}, return_when=asyncio.FIRST_COMPLETED)
+            await _first_of(rounds, self._trouble)
         finally:
             watch.cancel()
             self.link.stop_receiving()
@@ -184,6 +184,10 @@ async def run_world(
         say_error(f"world: {ended.removeprefix('failed: ')}")
         return 1
     return 0
+
+
+async def _first_of(*futures: "asyncio.Future[Any]") -> None:
+    await asyncio.wait(futures, return_when=asyncio.FIRST_COMPLETED)
 
 
 def say(event: dict[str, Any]) -> None:
