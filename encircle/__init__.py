@@ -7,7 +7,6 @@ True
 """
 
 from encircle.hunts import Hunt, run
-from encircle.replaying import replay
 from world.scenario import Scenario, ScenarioError, load, shipped
 
-__all__ = ["Hunt", "Scenario", "ScenarioError", "load", "replay", "run", "shipped"]
+__all__ = ["Hunt", "Scenario", "ScenarioError", "load", "run", "shipped"]

@@ -28,13 +28,12 @@ SetOption = Annotated[
 def main() -> None:
     """Entry point of ``encircle``: one clear line for whatever goes wrong."""
     from encircle.launch import RunFailed
-    from encircle.replaying import RecordingError
     from world.run_directory import RunDirectoryError
     from world.scenario import ScenarioError
 
     try:
         app()
-    except (ScenarioError, RunDirectoryError, RecordingError) as error:
+    except (ScenarioError, RunDirectoryError) as error:
         print(f"encircle: {error}", file=sys.stderr)
         sys.exit(2)
     except RunFailed as error:
@@ -56,7 +55,6 @@ def run_command(
 ) -> None:
     """Run one hunt, record it and draw it."""
     from encircle.display import Display
-    from encircle.figures import draw_run
     from encircle.hunts import LINKS, default_directory, run
     from world.scenario import load
 
@@ -66,6 +64,9 @@ def run_command(
     directory = out or default_directory(scenario, loaded.seed)
     with Display(loaded, link) as display:
         hunt = run(loaded, link=link, out=directory, progress=display.update)
+    # Imported after the hunt: the robots need not wait for the plotting library.
+    from encircle.figures import draw_run
+
     figure = draw_run(directory, directory / "trajectory.png")
     if as_json:
         print(json.dumps({**hunt.as_dict(scenario), "figure": str(figure)}))

@@ -7,13 +7,15 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from protocol.log import bounded_log
-from world.core import Record, Result, WorldCore
-from world.engine import build
+from world.result import Result
 from world.run_directory import RECORDING, create, start_recording, write_summary
 from world.scenario import Scenario, load
+
+if TYPE_CHECKING:
+    from world.core import WorldCore
 
 LINKS = ("zenoh", "memory")
 PROGRESS_PERIOD_S = 0.1
@@ -106,13 +108,14 @@ def _in_memory(
     scenario: Scenario, name: str, directory: Path | None, tell: Callable[[dict[str, Any]], None]
 ) -> tuple[Result, dict[str, Any], int]:
     from encircle.memory import run_in_memory
+    from world.engine import build
 
     arena = build(scenario, scenario.seed)
-    recorder = start_recording(directory, arena, name) if directory else None
-    record: Record | None = recorder.record if recorder else None
+    recorder = start_recording(directory, scenario, name) if directory else None
+    record = recorder.record if recorder else None
     said = time.perf_counter()
 
-    def progress(world: WorldCore) -> None:
+    def progress(world: "WorldCore") -> None:
         nonlocal said
         if time.perf_counter() - said >= PROGRESS_PERIOD_S:
             said = time.perf_counter()
@@ -126,7 +129,7 @@ def _in_memory(
             recorder.close()
     timing = {"rounds_s": time.perf_counter() - begun}
     if directory is not None:
-        write_summary(directory, arena, result, name, timing)
+        write_summary(directory, scenario, result, name, timing)
     return result, timing, 1
 
 

@@ -7,15 +7,18 @@ is gone (its standard input closes), the robots when the world is.
 
 import asyncio
 import json
+import os
 import signal
 import socket
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from world.core import Result
+from world.result import Result
 
 STOP_S_MAX = 3.0
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""A robot's matrices are tiny; a pool of idle threads in every process only costs memory."""
 OUTPUT_LINE_BYTES_MAX = 1024 * 1024
 ERROR_LINES_MAX = 200
 
@@ -86,6 +89,7 @@ class _Launch:
             stdout=pipe if name == "world" else none,
             stderr=pipe,
             limit=OUTPUT_LINE_BYTES_MAX,
+            env=os.environ | ONE_THREAD,
             # Ctrl-C in a terminal reaches the launcher alone, which then ends the run in order.
             start_new_session=True,
         )
@@ -152,7 +156,8 @@ class _Launch:
             raise RunFailed(f"stopped by {self.interrupted} at tick {self.tick}")
         if self.result is None:
             raise RunFailed(self._first_failure())
-        extra = {key: self.result.pop(key) for key in ("rounds_s", "joined_s")}
+        timing = ("rounds_s", "joined_s", "begun_unix_s")
+        extra = {key: self.result.pop(key) for key in timing}
         result = Result(**self.result)
         if result.ended.startswith("failed"):
             reason = result.ended.removeprefix("failed: ")

@@ -17,10 +17,11 @@ from agents.core import RobotCore
 from encircle.hunts import read_metadata, recording_of
 from protocol.codec import decode
 from protocol.messages import Command
+from world.run_directory import RunDirectoryError
 from world.scenario import Scenario
 
 
-class RecordingError(Exception):
+class RecordingError(RunDirectoryError):
     """A recording that cannot be read; the message says which and why."""
 
 

@@ -117,9 +117,7 @@ class Tracks:
         return int(self.ticks[rows[0]]) if len(rows) else None
 
     def least_gap(self) -> tuple[float, int, tuple[str, str]]:
-        """The least free distance in m between any two bodies, when, and which; below 0 they
-        would have overlapped.
-        """
+        """The least free distance in m between two bodies, when, and who; overlap is below 0."""
         row, body, other = np.unravel_index(int(self.gaps.argmin()), self.gaps.shape)
         names = self.arena.names
         return float(self.gaps.min()), int(self.ticks[row]), (names[body], names[other])

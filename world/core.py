@@ -11,7 +11,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,27 +24,10 @@ from protocol.lockstep import LockStep, Move, Phase
 from protocol.messages import Command, End, Observation, Pose, Radio, Setup
 from world import channel as radio
 from world import engine
+from world.result import Result
 
 Outgoing = list[tuple[str, bytes]]
 Record = Callable[[int, str, bytes], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """What came of a run. ``lost`` counts packets by cause; distances in m, robot order."""
-
-    captured: bool
-    capture_tick: int | None
-    ticks: int
-    ended: str
-    distances_m: tuple[float, ...]
-    packets_sent: int
-    packets_lost: dict[str, int]
-    packets_delivered: int
-    packets_in_flight: int
-    contacts: int
-    refused: dict[str, int]
-    digest: str
 
 
 class WorldCore:

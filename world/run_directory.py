@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from protocol import VERSION
-from world.core import Result
-from world.engine import Arena
 from world.recorder import Recorder
+from world.result import Result
+from world.scenario import Scenario
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
@@ -41,30 +41,30 @@ def create(path: Path) -> Path:
     return path
 
 
-def start_recording(path: Path, arena: Arena, run: str) -> Recorder:
+def start_recording(path: Path, scenario: Scenario, run: str) -> Recorder:
     """Open the recording of a run in its directory."""
     metadata = {
         "run": run,
-        "seed": str(arena.seed),
-        "scenario": arena.scenario.model_dump_json(),
+        "seed": str(scenario.seed),
+        "scenario": scenario.model_dump_json(),
         "versions": json.dumps(versions()),
     }
     try:
-        return Recorder(path / RECORDING, arena.scenario.tick_s, metadata)
+        return Recorder(path / RECORDING, scenario.tick_s, metadata)
     except OSError as error:
         raise RunDirectoryError(f"{path / RECORDING}: {error.strerror}") from None
 
 
 def write_summary(
-    path: Path, arena: Arena, result: Result, run: str, extra: Mapping[str, Any]
+    path: Path, scenario: Scenario, result: Result, run: str, extra: Mapping[str, Any]
 ) -> None:
     """Write what came of a run beside its recording."""
     summary = {
         "run": run,
-        "seed": arena.seed,
+        "seed": scenario.seed,
         **asdict(result),
         **extra,
         "versions": versions(),
-        "scenario": arena.scenario.model_dump(mode="json"),
+        "scenario": scenario.model_dump(mode="json"),
     }
     (path / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")

@@ -59,6 +59,7 @@ class Server:
         self.join_s_max = join_s_max
         self.joined_s: float | None = None
         self.rounds_s = 0.0
+        self.begun_unix_s: float | None = None
         self._loop = asyncio.get_running_loop()
         self._trouble: asyncio.Future[str] = self._loop.create_future()
         self._everyone = asyncio.Event()
@@ -84,6 +85,7 @@ class Server:
 
     async def _hunt(self) -> None:
         begun = time.perf_counter()
+        self.begun_unix_s = time.time()
         rounds = asyncio.create_task(asyncio.to_thread(run_rounds, self.core, self.link))
         watch = asyncio.create_task(self._watch_progress())
         try:
@@ -161,7 +163,7 @@ async def run_world(
     except (RunDirectoryError, LinkError) as error:
         say_error(f"world: {error}")
         return 1
-    recorder = start_recording(directory, arena, run) if directory else None
+    recorder = start_recording(directory, arena.scenario, run) if directory else None
     core = WorldCore(arena, run, log, recorder.record if recorder else None)
     server = Server(arena, run, link, core, join_s_max)
     if parent:
@@ -176,9 +178,13 @@ async def run_world(
         result = core.result()
         if recorder is not None:
             recorder.close()
-    extra = {"rounds_s": server.rounds_s, "joined_s": server.joined_s}
+    extra = {
+        "rounds_s": server.rounds_s,
+        "joined_s": server.joined_s,
+        "begun_unix_s": server.begun_unix_s,
+    }
     if directory is not None:
-        write_summary(directory, arena, result, run, extra)
+        write_summary(directory, arena.scenario, result, run, extra)
     say({"result": asdict(result) | extra})
     if ended.startswith("failed"):
         say_error(f"world: {ended.removeprefix('failed: ')}")
