@@ -5,6 +5,7 @@ import asyncio
 import sys
 from collections.abc import Sequence
 
+from agents.lean_start import postponed
 from protocol.keys import check_name
 
 
@@ -22,7 +23,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     # Imported late: a mistyped command need not wait for scipy.
-    from agents.robot import run_robot
+    with postponed("scipy.stats", "scipy.ndimage"):
+        from agents.robot import run_robot
 
     return asyncio.run(run_robot(options.id, options.run, options.connect, options.join_timeout))
 

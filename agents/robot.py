@@ -62,9 +62,8 @@ async def run_robot(robot: str, run: str, endpoint: str, join_s_max: float = JOI
         await _first_of(rounds, trouble)
     finally:
         joining.cancel()
-        link.stop_receiving()
-        await rounds
         await asyncio.to_thread(link.close)
+        await rounds
     if core.ended is not None:
         return 1 if core.ended.startswith("failed") else 0
     log(f"robot {robot}: {trouble.result() if trouble.done() else 'the link was closed'}")

@@ -11,27 +11,24 @@ from rich.table import Table
 from encircle.hunts import Hunt
 from world.scenario import Scenario
 
+SHOWN_MAX = 6
+
 
 class Display:
     """Progress of one hunt; a context manager."""
 
     def __init__(self, scenario: Scenario, link: str) -> None:
         self._console = Console(stderr=True)
-        self._scenario = scenario
         self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=30),
-            TextColumn("tick {task.completed} of at most {task.total}"),
+            TextColumn("{task.description:8}"),
+            BarColumn(bar_width=20),
+            TextColumn("tick {task.completed}/{task.total}"),
             TextColumn("{task.fields[distances]}"),
             TimeElapsedColumn(),
             console=self._console,
         )
-        count = len(scenario.ids)
-        who = f"{count} robot processes" if link == "zenoh" else f"{count} robots in memory"
-        self._task = self._progress.add_task(
-            f"{who}, joining", total=scenario.ticks_max, distances=""
-        )
-        self._who = who
+        first = "joining" if link == "zenoh" else "hunting"
+        self._task = self._progress.add_task(first, total=scenario.ticks_max, distances="")
 
     def __enter__(self) -> "Display":
         self._progress.start()
@@ -48,15 +45,22 @@ class Display:
     def update(self, report: dict[str, Any]) -> None:
         """Show a report of the run."""
         if "tick" in report:
-            near = ", ".join(f"{d:.1f}" for d in report["distances_m"][:8])
-            self._progress.update(
-                self._task,
-                completed=report["tick"],
-                description=f"{self._who}, hunting",
-                distances=f"distances {near} m",
-            )
+            self._show("hunting", report["tick"], report["distances_m"])
+        elif "result" in report:
+            result = report["result"]
+            self._show("ended", result["ticks"], result["distances_m"])
+        elif "started" in report:
+            pids = ", ".join(f"{name} {pid}" for name, pid in report["started"].items())
+            self._console.print(f"processes: {pids}", highlight=False)
         elif "log" in report:
             self._console.print(report["log"], highlight=False)
+
+    def _show(self, what: str, tick: int, distances_m: list[float]) -> None:
+        near = " ".join(f"{d:.1f}" for d in distances_m[:SHOWN_MAX])
+        more = " ..." if len(distances_m) > SHOWN_MAX else ""
+        self._progress.update(
+            self._task, completed=tick, description=what, distances=f"{near}{more} m"
+        )
 
     def show_result(self, hunt: Hunt, directory: Path, figure: Path) -> None:
         """The short table at the end, on standard output."""

@@ -128,6 +128,7 @@ def _in_memory(
         if recorder is not None:
             recorder.close()
     timing = {"rounds_s": time.perf_counter() - begun}
+    tell({"result": asdict(result)})
     if directory is not None:
         write_summary(directory, scenario, result, name, timing)
     return result, timing, 1

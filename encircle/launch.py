@@ -11,12 +11,14 @@ import os
 import signal
 import socket
 import sys
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from world.result import Result
 
 STOP_S_MAX = 3.0
+SILENCE_S_MAX = 6.0
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """A robot's matrices are tiny; a pool of idle threads in every process only costs memory."""
 OUTPUT_LINE_BYTES_MAX = 1024 * 1024
@@ -60,6 +62,10 @@ class _Launch:
         self.tick = 0
         self.errors: dict[str, list[str]] = {}
         self.interrupted = ""
+        self.first_to_fail = ""
+        self.begun = False
+        self.silent = False
+        self.heard_s = 0.0
 
     async def run(
         self, world_arguments: Sequence[str], order: Sequence[str]
@@ -99,17 +105,24 @@ class _Launch:
         readers = [asyncio.create_task(self._read_errors(n, p)) for n, p in self.processes.items()]
         readers.append(asyncio.create_task(self._read_reports()))
         waiting = {asyncio.create_task(p.wait()) for p in self.processes.values()}
-        while waiting:
+        while waiting and not self.silent:
             # The world ends the run when a robot is lost, the robots end when the world is; what
-            # has not ended some seconds after the first to fail never will.
-            failing = any(p.returncode for p in self.processes.values()) or self.interrupted
+            # has not ended some seconds after the first of them never will.
+            ending = self.interrupted or any(
+                p.returncode is not None for p in self.processes.values()
+            )
             done, waiting = await asyncio.wait(
                 waiting,
-                timeout=STOP_S_MAX if failing else None,
+                timeout=STOP_S_MAX if ending else SILENCE_S_MAX,
                 return_when=asyncio.FIRST_COMPLETED,
             )
-            if failing and not done:
+            if ending and not done:
                 break
+            # The world speaks up when a robot does not answer; nobody does when the world hangs.
+            self.silent = self.begun and time.monotonic() - self.heard_s > SILENCE_S_MAX
+            for name, process in self.processes.items():
+                if process.returncode and not self.first_to_fail:
+                    self.first_to_fail = name
         await asyncio.wait(readers, timeout=1.0)
         for reader in readers:
             reader.cancel()
@@ -119,6 +132,8 @@ class _Launch:
         assert stream is not None
         async for line in stream:
             report = json.loads(line)
+            self.heard_s = time.monotonic()
+            self.begun = self.begun or "tick" in report
             self.result = report.get("result", self.result)
             self.tick = report.get("tick", self.tick)
             self.report(report)
@@ -170,16 +185,16 @@ class _Launch:
         return result, extra
 
     def _first_failure(self) -> str:
-        """Why there is no result at all."""
-        world = self.processes["world"].returncode
-        said = [line for line in self.errors.get("world", []) if " refused " not in line]
-        if said:
-            return "\n".join(said)
-        for name, process in self.processes.items():
-            if name != "world" and process.returncode and world in (None, -signal.SIGTERM):
-                said = self.errors.get(name, [])
-                return said[-1] if said else f"robot {name} {_how_ended(process.returncode)}"
-        return f"the world {_how_ended(world)} at tick {self.tick}"
+        """Why there is no result at all: what the first process to fail said, or how it ended."""
+        if self.silent:
+            return f"the world has said nothing for {SILENCE_S_MAX:g} s at tick {self.tick}"
+        name = self.first_to_fail or "world"
+        said = [line for line in self.errors.get(name, []) if " refused " not in line]
+        status = self.processes[name].returncode
+        if name == "world":
+            # A configuration error has several lines, each of which helps.
+            return "\n".join(said) or f"the world {_how_ended(status)} at tick {self.tick}"
+        return f"robot {name} {_how_ended(status)}: {said[-1] if said else 'it said nothing'}"
 
 
 def _how_ended(status: int | None) -> str:

@@ -9,8 +9,9 @@ from collections.abc import Callable
 
 from agents.core import RobotCore
 from protocol.codec import encode
-from world.core import Record, Result, WorldCore
+from world.core import Record, WorldCore
 from world.engine import Arena
+from world.result import Result
 
 
 def run_in_memory(

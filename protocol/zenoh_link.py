@@ -45,19 +45,21 @@ class ZenohLink:
         self._tokens: list[zenoh.LivelinessToken] = []
         self._watchers: list[Any] = []
         self._closing = threading.Lock()
-        self._closed = False
         self._inbox = self._session.declare_subscriber(
             takes, zenoh.handlers.FifoChannel(INBOX_MAX), allowed_origin=zenoh.Locality.REMOTE
         )
 
     def send(self, key: str, payload: bytes) -> None:
-        """Publish; blocks while the transport is congested."""
-        publisher = self._publishers.get(key)
-        if publisher is None:
-            publisher = self._publishers[key] = self._session.declare_publisher(
-                key, express=True, congestion_control=zenoh.CongestionControl.BLOCK
-            )
-        publisher.put(payload)
+        """Publish; blocks while the transport is congested. ``LinkClosed`` after ``close``."""
+        try:
+            publisher = self._publishers.get(key)
+            if publisher is None:
+                publisher = self._publishers[key] = self._session.declare_publisher(
+                    key, express=True, congestion_control=zenoh.CongestionControl.BLOCK
+                )
+            publisher.put(payload)
+        except zenoh.ZError as error:
+            raise LinkClosed(str(error)) from None
 
     def receive(self) -> tuple[str, bytes]:
         """The next message; ``LinkClosed`` once ``close`` was called."""
@@ -77,22 +79,21 @@ class ZenohLink:
         def handed_over(sample: zenoh.Sample) -> None:
             tell(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
+        # Called on Zenoh's own thread. The default is a Python thread per subscriber, which may
+        # outlive the session and then keeps the process from ending.
+        callback = zenoh.handlers.Callback(handed_over, indirect=False)
         self._watchers.append(
-            self._session.liveliness().declare_subscriber(expression, handed_over, history=True)
+            self._session.liveliness().declare_subscriber(expression, callback, history=True)
         )
 
-    def stop_receiving(self) -> None:
-        """Wake whoever waits in ``receive`` with ``LinkClosed``; sending still works."""
-        with self._closing:
-            if not self._closed:
-                self._closed = True
-                self._inbox.undeclare()  # type: ignore[no-untyped-call]
-
     def close(self) -> None:
-        """Close the session; what was sent before is flushed. May be called twice."""
-        self.stop_receiving()
-        if not self._session.is_closed():
-            self._session.close()  # type: ignore[no-untyped-call]
+        """Close the session and wake whoever waits in ``receive``; may be called twice.
+
+        What was sent before is flushed.
+        """
+        with self._closing:
+            if not self._session.is_closed():
+                self._session.close()  # type: ignore[no-untyped-call]
 
 
 def _config(endpoint: str, listens: bool, connect_s_max: float) -> zenoh.Config:

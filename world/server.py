@@ -5,6 +5,7 @@ rounds. Progress goes to standard output, one JSON object per line, for whoever 
 """
 
 import asyncio
+import contextlib
 import json
 import signal
 import sys
@@ -24,9 +25,8 @@ from world.engine import Arena
 from world.run_directory import RunDirectoryError, create, start_recording, write_summary
 
 JOIN_S_MAX = 30.0
-ANSWER_S_MAX = 4.0
+ANSWER_S_MAX = 3.0
 WATCH_PERIOD_S = 0.1
-FINISH_S_MAX = 2.0
 
 
 def run_rounds(core: WorldCore, link: Link) -> None:
@@ -80,21 +80,25 @@ class Server:
             await self._hunt()
         everyone.cancel()
         if self.core.ended is None:
-            _send(self.link, self.core.fail(self._trouble.result()))
+            self._tell_failure()
         return self.core.ended or ""
+
+    def _tell_failure(self) -> None:
+        with contextlib.suppress(LinkClosed):
+            _send(self.link, self.core.fail(self._trouble.result()))
 
     async def _hunt(self) -> None:
         begun = time.perf_counter()
         self.begun_unix_s = time.time()
         rounds = asyncio.create_task(asyncio.to_thread(run_rounds, self.core, self.link))
         watch = asyncio.create_task(self._watch_progress())
-        try:
-            await _first_of(rounds, self._trouble)
-        finally:
-            watch.cancel()
-            self.link.stop_receiving()
-            await rounds
-            self.rounds_s = time.perf_counter() - begun
+        await _first_of(rounds, self._trouble)
+        watch.cancel()
+        if self._trouble.done():
+            self._tell_failure()
+            await asyncio.to_thread(self.link.close)
+        await rounds
+        self.rounds_s = time.perf_counter() - begun
 
     async def _watch_progress(self) -> None:
         """Report progress, and end the run if nothing moves for too long."""

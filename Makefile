@@ -1,0 +1,49 @@
+# make setup   one virtual environment, everything pinned
+# make hunt    set up, then four robot processes and a world hunt a target over Zenoh
+# make test    set up, then the tests
+# make check   style, types and import contracts
+# make bench   every figure that the documentation quotes
+
+PYTHON ?= python3
+VENV := .venv
+BENCH_VENV := .venv-bench
+READY := $(VENV)/.ready
+
+.PHONY: setup hunt test nightly check bench clean
+
+setup: $(READY)
+
+$(READY): requirements.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "Python 3.11 or newer is needed, $(PYTHON) is $$($(PYTHON) --version 2>&1); try make PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --requirement requirements.txt
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch $(READY)
+
+hunt: setup
+	$(VENV)/bin/encircle run sim1
+
+test: setup
+	$(VENV)/bin/python -m pytest
+
+nightly: setup
+	$(VENV)/bin/python -m pytest -m nightly
+
+check: setup
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
+	$(VENV)/bin/lint-imports
+
+# The programs compared with live in an environment of their own.
+$(BENCH_VENV)/.ready: bench/requirements.txt
+	$(PYTHON) -m venv $(BENCH_VENV)
+	$(BENCH_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --requirement bench/requirements.txt
+	@touch $@
+
+bench: setup $(BENCH_VENV)/.ready
+	$(VENV)/bin/python bench/run.py --peers $(BENCH_VENV)/bin/python
+
+clean:
+	rm -rf $(VENV) $(BENCH_VENV)

@@ -1,0 +1,64 @@
+"""Start a robot without what it never uses.
+
+filterpy's package imports all its modules, and two of them import ``scipy.stats`` and
+``scipy.ndimage``: half of a robot's start-up time and a sixth of its memory, for functions that its
+Kalman steps never call. While a robot process imports its own modules, those two are postponed:
+names taken from them are imported for good when they are first used.
+"""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+
+class _Postponed:
+    """Stands for a name of a module, and fetches it when it is used.
+
+    While the module is still postponed an attribute is postponed as well and a call does nothing:
+    filterpy probes a signature while it is imported, and looks only for a ``TypeError``.
+    """
+
+    def __init__(self, module: str, path: tuple[str, ...]) -> None:
+        self._module = module
+        self._path = path
+
+    def _is_postponed(self) -> bool:
+        return isinstance(sys.modules.get(self._module), _PostponedModule)
+
+    def _fetched(self) -> Any:
+        value: Any = import_module(self._module)
+        for name in self._path:
+            value = getattr(value, name)
+        return value
+
+    def __getattr__(self, name: str) -> Any:
+        if self._is_postponed():
+            return _Postponed(self._module, (*self._path, name))
+        return getattr(self._fetched(), name)
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        return None if self._is_postponed() else self._fetched()(*arguments, **named)
+
+
+class _PostponedModule(ModuleType):
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return _Postponed(self.__name__, (name,))
+
+
+@contextmanager
+def postponed(*modules: str) -> Iterator[None]:
+    """Within this context, importing names from ``modules`` does not import those modules."""
+    absent = [name for name in modules if name not in sys.modules]
+    for name in absent:
+        sys.modules[name] = _PostponedModule(name)
+    try:
+        yield
+    finally:
+        for name in absent:
+            if isinstance(sys.modules.get(name), _PostponedModule):
+                del sys.modules[name]

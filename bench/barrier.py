@@ -1,0 +1,64 @@
+"""The floor for our processes: lock-step rounds over Zenoh by robots that decide nothing.
+
+One world process and N robot processes exchange the same messages per round as the hunt does, an
+observation out and a pose and a command back, of the same sizes, over sessions configured as ours,
+waiting inside Zenoh on both sides. Nothing is encoded, decoded, checked, decided or recorded.
+"""
+
+import json
+import subprocess
+import sys
+import time
+
+from encircle.launch import free_endpoint
+from protocol.zenoh_link import ZenohLink
+
+WARM_UP = 50
+
+
+def robot(place: int, endpoint: str, pose_bytes: int, command_bytes: int) -> None:
+    """Answer each observation with a pose and a command, until an empty one."""
+    link = ZenohLink(endpoint, False, f"bare/robots/{place}/observation")
+    link.send(f"bare/robots/{place}/ready", b"ready")
+    pose, command = bytes(pose_bytes), bytes(command_bytes)
+    while link.receive()[1]:
+        link.send(f"bare/robots/{place}/pose", pose)
+        link.send(f"bare/robots/{place}/command", command)
+    link.close()
+
+
+def world(robots: int, rounds: int, sizes: tuple[int, int, int]) -> dict[str, float]:
+    """Run the barrier; returns rounds per second and the median round in microseconds."""
+    endpoint = free_endpoint()
+    link = ZenohLink(endpoint, True, "bare/robots/*/*")
+    started = [
+        subprocess.Popen(
+            [sys.executable, __file__, "robot", str(i), endpoint, str(sizes[1]), str(sizes[2])]
+        )
+        for i in range(robots)
+    ]
+    for _ in range(robots):
+        link.receive()
+    observation, took = bytes(sizes[0]), []
+    for _ in range(rounds + WARM_UP):
+        begun = time.perf_counter()
+        for i in range(robots):
+            link.send(f"bare/robots/{i}/observation", observation)
+        for _ in range(2 * robots):
+            link.receive()
+        took.append(time.perf_counter() - begun)
+    for i in range(robots):
+        link.send(f"bare/robots/{i}/observation", b"")
+    for process in started:
+        process.wait(10)
+    link.close()
+    kept = sorted(took[WARM_UP:])
+    return {"rounds_per_s": len(kept) / sum(kept), "round_us_median": kept[len(kept) // 2] * 1e6}
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "robot":
+        robot(int(sys.argv[2]), sys.argv[3], int(sys.argv[4]), int(sys.argv[5]))
+    else:
+        numbers = [int(argument) for argument in sys.argv[2:7]]
+        print(json.dumps(world(numbers[0], numbers[1], (numbers[2], numbers[3], numbers[4]))))

@@ -1,0 +1,205 @@
+"""``make bench``: every figure that the documentation quotes, as a table and as JSON.
+
+Ratios are taken within one run, in turns, so that both sides meet the same machine. Nothing else
+should be running: with more than two busy processes on two cores the figures mean little.
+"""
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from decisions import measure as measure_decisions
+from rich.console import Console
+from rich.table import Table
+from scenarios import endless_hunt, ordinary_hunt
+
+from encircle.hunts import run
+from encircle.memory import run_in_memory
+from world import engine
+from world.run_directory import versions
+from world.scenario import load
+
+HERE = Path(__file__).parent
+TURNS = 3
+
+
+def message_sizes(robots: int) -> tuple[int, int, int]:
+    """Median bytes of an observation, a pose and a command of the endless hunt."""
+    sizes: dict[str, list[int]] = {"observation": [], "pose": [], "command": []}
+
+    def note(_tick: int, key: str, payload: bytes) -> None:
+        channel = key.rsplit("/", 1)[1]
+        if channel in sizes:
+            sizes[channel].append(len(payload))
+
+    arena = engine.build(load(endless_hunt(robots, 60)), 1)
+    run_in_memory(arena, "bench-0123456789ab", print, note)
+    return tuple(int(median(sizes[name])) for name in sizes)  # type: ignore[return-value]
+
+
+def told(arguments: list[str], python: str = sys.executable) -> dict[str, float]:
+    """Run a program that prints one JSON object."""
+    done = subprocess.run([python, *arguments], capture_output=True, text=True, timeout=300)
+    if done.returncode != 0:
+        raise SystemExit(f"{arguments[0]} failed:\n{done.stderr}")
+    answer: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return answer
+
+
+def lock_step(robots: int, rounds: int, peers: str | None) -> dict[str, Any]:
+    """(a) rounds per second of the hunt, of the bare barrier and of mango's."""
+    sizes = message_sizes(robots)
+    hunts, bare, mango = [], [], []
+    for _ in range(TURNS):
+        numbers = [str(n) for n in (robots, rounds, *sizes)]
+        bare.append(told([str(HERE / "barrier.py"), "world", *numbers])["rounds_per_s"])
+        with tempfile.TemporaryDirectory() as scratch:
+            hunt = run(endless_hunt(robots, rounds), out=Path(scratch) / "run")
+        hunts.append(hunt.result.ticks / hunt.timing["rounds_s"])
+        if peers:
+            script = str(HERE / "peers" / "mango_barrier.py")
+            mango.append(told([script, str(robots), str(rounds)], peers)["rounds_per_s"])
+    return {
+        "robots": robots,
+        "message_bytes": dict(zip(("observation", "pose", "command"), sizes, strict=True)),
+        "hunt_rounds_per_s": median(hunts),
+        "bare_rounds_per_s": median(bare),
+        "ratio_to_bare": median(h / b for h, b in zip(hunts, bare, strict=True)),
+        "mango_rounds_per_s": median(mango) if mango else None,
+        "ratio_to_mango": median(h / m for h, m in zip(hunts, mango, strict=True))
+        if mango
+        else None,
+    }
+
+
+def in_memory(robots: int, ticks: int, peers: str | None) -> dict[str, Any]:
+    """(b) ticks per second on one core: an endless hunt, ordinary hunts, MPE2's bare physics."""
+    endless, ordinary, physics = [], [], []
+    arena = engine.build(load(endless_hunt(robots, ticks)), 1)
+    several = [engine.build(load(ordinary_hunt(robots)), seed) for seed in range(5)]
+    for _ in range(TURNS):
+        begun = time.perf_counter()
+        run_in_memory(arena, "bench", print)
+        endless.append(ticks / (time.perf_counter() - begun))
+        begun = time.perf_counter()
+        done = sum(run_in_memory(one, "bench", print).ticks for one in several)
+        ordinary.append(done / (time.perf_counter() - begun))
+        if peers:
+            script = str(HERE / "peers" / "mpe2_physics.py")
+            physics.append(told([script, str(robots), str(ticks)], peers)["steps_per_s"])
+    return {
+        "robots": robots,
+        "endless_ticks_per_s": median(endless),
+        "ordinary_ticks_per_s": median(ordinary),
+        "mpe2_physics_steps_per_s": median(physics) if physics else None,
+    }
+
+
+def start_up() -> dict[str, Any]:
+    """(d) command to first tick, and resident memory of a robot process, with four robots."""
+    to_first_tick = []
+    program = str(Path(sys.executable).parent / "encircle")
+    for _ in range(5):
+        with tempfile.TemporaryDirectory() as scratch:
+            begun = time.time()
+            done = subprocess.run(
+                [program, "run", "sim1", "--json", "--out", str(Path(scratch) / "run")],
+                capture_output=True,
+                text=True,
+                timeout=60,
+                check=True,
+            )
+            to_first_tick.append(json.loads(done.stdout)["begun_unix_s"] - begun)
+    resident_mib: dict[str, float] = {}
+    pids: dict[str, int] = {}
+
+    def note(report: dict[str, Any]) -> None:
+        pids.update(report.get("started", {}))
+        if report.get("tick", 0) > 0:
+            for name, pid in pids.items():
+                resident_mib[name] = max(peak_mib(pid), resident_mib.get(name, 0.0))
+
+    run(endless_hunt(4, 1500), progress=note)
+    return {
+        "first_tick_s": median(to_first_tick),
+        "first_tick_s_all": to_first_tick,
+        "robot_mib_max": max(v for name, v in resident_mib.items() if name != "world"),
+        "world_mib": resident_mib["world"],
+    }
+
+
+def peak_mib(pid: int) -> float:
+    """Peak resident set of a process in MiB."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
+        return 0.0
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM")), 0.0)
+
+
+def machine() -> dict[str, Any]:
+    """What these figures were measured on."""
+    models = [
+        line.split(":", 1)[1].strip()
+        for line in Path("/proc/cpuinfo").read_text().splitlines()
+        if line.startswith("model name")
+    ]
+    return {"cpu": models[0] if models else platform.machine(), "cores": os.cpu_count()}
+
+
+def show(title: str, rows: list[dict[str, Any]]) -> None:
+    """One table on the terminal."""
+    table = Table(title=title, title_justify="left")
+    for name in rows[0]:
+        table.add_column(name, justify="right")
+    for row in rows:
+        table.add_row(*(shown(value) for value in row.values()))
+    Console(width=150).print(table)
+
+
+def shown(value: Any) -> str:
+    """A value of a table."""
+    if isinstance(value, float):
+        return f"{value:,.2f}" if abs(value) < 100 else f"{value:,.0f}"
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {v}" for k, v in value.items())
+    if isinstance(value, list):
+        return ", ".join(shown(v) for v in value)
+    return "-" if value is None else str(value)
+
+
+def main() -> None:
+    """Measure everything, print the tables, write the JSON."""
+    parser = argparse.ArgumentParser(description="Measure what the documentation quotes.")
+    parser.add_argument("--json", type=Path, default=Path("bench/results.json"))
+    parser.add_argument("--peers", help="a Python that has mango-agents and mpe2, to compare with")
+    parser.add_argument("--quick", action="store_true", help="small numbers, to see that it works")
+    options = parser.parse_args()
+    rounds, ticks = (100, 100) if options.quick else (1500, 1000)
+    report: dict[str, Any] = {"machine": machine(), "versions": versions()}
+    report["d_start"] = start_up()
+    show("(d) start", [report["d_start"]])
+    report["a_lock_step"] = [
+        lock_step(n, r, options.peers) for n, r in ((4, rounds), (16, rounds // 2))
+    ]
+    show("(a) lock-step rounds per second over Zenoh", report["a_lock_step"])
+    report["b_in_memory"] = [
+        in_memory(n, t, options.peers) for n, t in ((4, ticks), (16, ticks // 3), (64, ticks // 20))
+    ]
+    show("(b) ticks per second in memory, one core", report["b_in_memory"])
+    report["c_decisions"] = [measure_decisions(n) for n in (4, 8, 16, 64)]
+    show("(c) one robot's decision", report["c_decisions"])
+    options.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    print(f"written to {options.json}")
+
+
+if __name__ == "__main__":
+    main()
