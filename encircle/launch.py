@@ -173,7 +173,8 @@ class _Launch:
             raise RunFailed(self._first_failure())
         timing = ("rounds_s", "joined_s", "begun_unix_s")
         extra = {key: self.result.pop(key) for key in timing}
-        result = Result(**self.result)
+        distances_m = tuple(self.result.pop("distances_m"))
+        result = Result(distances_m=distances_m, **self.result)
         if result.ended.startswith("failed"):
             reason = result.ended.removeprefix("failed: ")
             how = [
