@@ -3,8 +3,10 @@
 Every body moves along its step at constant speed during a tick. When two touch, each loses the part
 of its motion that presses into the other (no body pushes another away; one that gives way may be
 followed) and both slide on. So a robot in the target's way blocks it. Contacts are resolved in
-order of time; if a knot of bodies takes more rounds than the limit, what is left of their steps is
-dropped. ``SKIN_M`` is kept between touching bodies, for rounding.
+order of time; if a knot of bodies takes more rounds than the limit, those that still press stop for
+the rest of the tick. ``SKIN_M`` is kept between touching bodies, for rounding and for what pressing
+is let pass as too little to matter: two neighbours can hand a body to and fro for ever, with less
+motion each time.
 """
 
 from math import hypot, sqrt
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from protocol.messages import QUANTUM_M
 
 SKIN_M = 4 * QUANTUM_M
-PRESSING_M_MIN = 1e-9
+PRESSING_M_MIN = QUANTUM_M
 ROUNDS_PER_PAIR_MAX = 8
 
 
@@ -58,7 +60,9 @@ def _resolve(
     """Advance ``place`` by ``motion`` over one tick, contact by contact; returns who touched."""
     left = 1.0
     touched: set[tuple[int, int]] = set()
-    for _ in range(ROUNDS_PER_PAIR_MAX * len(apart) + ROUNDS_PER_PAIR_MAX):
+    sliding = ROUNDS_PER_PAIR_MAX * (len(apart) + 1)
+    # Once the rounds of sliding are used up each further one stops a body that still moves.
+    for turn in range(sliding + len(motion)):
         first, when = None, left
         for pair, distance in apart.items():
             time = _contact_time(place, motion, pair, distance)
@@ -71,7 +75,11 @@ def _resolve(
         if first is None:
             break
         touched.add(first)
-        _stop_pressing(place, motion, first)
+        if turn < sliding:
+            _stop_pressing(place, motion, first)
+        else:
+            for i in first:
+                motion[i] = [0.0, 0.0]
     return sorted(touched)
 
 
