@@ -55,7 +55,7 @@ def per_call_us(action: Callable[[Any], object], cases: list[Any], repeats: int)
 
 def rings_of(arguments: tuple[Any, ...]) -> tuple[Any, Any]:
     """The team positions (N, 2) and encirclement points (G, N, 2) of a recorded step, in m."""
-    state, observation, packets, role = arguments
+    _, observation, _, role = arguments
     after, _ = brain.step(*arguments)
     mates = brain.team.team_of(
         after.peers, role.own, observation.position, observation.tick, role.parameters

@@ -40,7 +40,7 @@ OBSTACLE_FILL: dict[str, Any] = {
     "hatch": "////",
     "lw": 0.6,
 }
-MARGIN_M = 1.5
+MARGIN_M = 2.0
 WIDTH_IN, HEIGHT_IN_MIN, HEIGHT_IN_MAX = 6.4, 3.2, 8.0
 LEGEND_ROW_IN = 0.2
 DOTS_PER_INCH = 200

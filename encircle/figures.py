@@ -48,16 +48,16 @@ TIME_MARKS_MAX = 12
 class TimeCurve:
     """Execution times of one policy, in ticks, over R3's starting x.
 
-    ``typical``: (X, 3) mean and its interval over the seeds at which every policy captured;
-    ``bounded``: (X, 3) the same over all seeds, each run without capture counted as the longest;
-    ``escaped``: runs without capture at each x.
+    ``typical``: (X, 3) mean of the middle half of the runs, and its interval; ``mean``: (X, 3)
+    mean with runs without capture counted as the longest, a lower bound, and its interval;
+    ``missed``: runs without capture at each x.
     """
 
     label: str
     x_m: tuple[float, ...]
     typical: Floats
-    bounded: Floats
-    escaped: tuple[int, ...]
+    mean: Floats
+    missed: tuple[int, ...]
 
 
 def draw_run(directory: Path, path: Path) -> Path:
@@ -104,9 +104,8 @@ def draw_snapshots(
 def draw_execution_times(table: Sequence[TimeCurve], path: Path) -> Path:
     """Execution time against R3's starting x for each policy, in the manner of Fig. 7.
 
-    Above, the mean over the seeds at which every policy captured; below, over all seeds, with runs
-    without capture counted as the longest run, which bounds the mean from below. Numbers beside
-    points count those runs. Bars are the intervals in the table.
+    Above, typical times; below, means, with the number of runs without capture where there are any.
+    Bars are the intervals in the table.
     """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH_IN, 5.4), dpi=DOTS_PER_INCH, layout="constrained")
@@ -121,18 +120,21 @@ def draw_execution_times(table: Sequence[TimeCurve], path: Path) -> Path:
                 "marker": MARKERS[place],
                 "label": curve.label,
             }
-            for axes, rows in ((above, curve.typical), (below, curve.bounded)):
+            for axes, rows in ((above, curve.typical), (below, curve.mean)):
                 mean, low, high = rows.T
                 bars = [mean - low, high - mean]
                 axes.errorbar(x, mean, bars, **look, ms=4, lw=0.9, elinewidth=0.8, capsize=2)
-            for at, top, escaped in zip(x, curve.bounded[:, 2], curve.escaped, strict=True):
-                if escaped:
-                    note(below, f"{escaped}", (at, top), (0.0, 5.0), 7.0, COLOURS[place])
-        above.set_title("(a) seeds at which every policy captured")
-        below.set_title("(b) all seeds; runs without capture, counted beside, as the longest run")
+            for at, top, missed in zip(x, curve.mean[:, 2], curve.missed, strict=True):
+                if missed:
+                    note(below, f"{missed}", (at, top), (0.0, 5.0), 7.0, COLOURS[place])
+        above.set_title("(a) mean of the middle half of the runs")
+        below.set_title(
+            "(b) mean of all runs, those without capture (numbers) counted as the longest"
+        )
         below.set_xlabel("initial x of R3 (m)")
         for axes in (above, below):
             axes.set_ylabel("execution time (ticks)")
+            axes.margins(y=0.12)
             axes.grid(alpha=0.25, lw=0.5)
         figure.legend(
             handles=above.get_legend_handles_labels()[0], loc="outside lower center", ncols=4

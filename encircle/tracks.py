@@ -183,3 +183,16 @@ def points_shared(recording: Recording) -> tuple[int, int]:
             by_tick.setdefault(tick, []).append(command.point)
     several = [points for points in by_tick.values() if len(points) > 1]
     return sum(len(set(points)) < len(points) for points in several), len(several)
+
+
+def estimates_agree(recording: Recording, tracks: Tracks, tick: int, within_m: float) -> int | None:
+    """The first tick from ``tick`` on at which every robot's estimate is near the target."""
+    agreeing: dict[int, int] = {}
+    for at, _, payload in recording.of_channel("command"):
+        if at < tick:
+            continue
+        estimate = decode(Command, payload, recording.run).estimate
+        if estimate is not None:
+            off = np.hypot(*(tracks.target[tracks.row(at)] - estimate))
+            agreeing[at] = agreeing.get(at, 0) + int(off <= within_m)
+    return next((at for at, n in sorted(agreeing.items()) if n == len(tracks.arena.ids)), None)

@@ -4,9 +4,13 @@ Every body moves along its step at constant speed during a tick. When two touch,
 of its motion that presses into the other (no body pushes another away; one that gives way may be
 followed) and both slide on. So a robot in the target's way blocks it. Contacts are resolved in
 order of time; if a knot of bodies takes more rounds than the limit, those that still press stop for
-the rest of the tick. ``SKIN_M`` is kept between touching bodies, for rounding and for what pressing
-is let pass as too little to matter: two neighbours can hand a body to and fro for ever, with less
-motion each time.
+the rest of the tick.
+
+``SKIN_M``, four quanta, is kept between touching bodies. Pressing of less than a quantum per tick
+is let pass, since two neighbours can hand a body to and fro for ever, with less motion each time;
+and positions are rounded afterwards. Both may use the skin up, so bodies that are down to half of
+it are moved apart by what is missing. Should all this not do in some knot, ``kept_apart`` takes the
+bodies that would overlap back to where they were.
 """
 
 from math import hypot, sqrt
@@ -45,17 +49,38 @@ def move(
     place = {i: positions[i].tolist() for i in involved}
     motion = {i: steps[i].tolist() if i < count else [0.0, 0.0] for i in involved}
     apart = {(i, k): float(radii[i] + radii[k]) + SKIN_M for i, k in pairs}
-    touched = _resolve(place, motion, apart)
+    touched = _resolve(place, motion, apart, count)
     for i in involved:
         if i < count:
             moved[i] = place[i]
     return moved, touched
 
 
+def kept_apart(
+    before: NDArray[np.float64], after: NDArray[np.float64], radii: NDArray[np.float64], moving: int
+) -> NDArray[np.float64]:
+    """``after`` (B + O, 2) with every body that overlaps another taken back to ``before``.
+
+    ``before`` must be free of overlaps; of the bodies the first ``moving`` may be taken back.
+    """
+    apart = radii + radii[:moving, None]
+    apart[np.arange(moving), np.arange(moving)] = 0.0
+    for _ in range(moving + 1):
+        away = after - after[:moving, None]
+        close = np.sqrt((away * away).sum(axis=2)) < apart
+        if not close.any():
+            return after
+        overlapping = close.any(axis=1) | close.any(axis=0)[:moving]
+        after = after.copy()
+        after[:moving][overlapping] = before[:moving][overlapping]
+    return before
+
+
 def _resolve(
     place: dict[int, list[float]],
     motion: dict[int, list[float]],
     apart: dict[tuple[int, int], float],
+    moving: int,
 ) -> list[tuple[int, int]]:
     """Advance ``place`` by ``motion`` over one tick, contact by contact; returns who touched."""
     left = 1.0
@@ -76,7 +101,7 @@ def _resolve(
             break
         touched.add(first)
         if turn < sliding:
-            _stop_pressing(place, motion, first)
+            _stop_pressing(place, motion, first, _missing(place, first, apart[first]), moving)
         else:
             for i in first:
                 motion[i] = [0.0, 0.0]
@@ -94,6 +119,9 @@ def _contact_time(
     (au, av), (bu, bv) = motion[pair[0]], motion[pair[1]]
     x, y, u, v = bx - ax, by - ay, bu - au, bv - av
     inward = x * u + y * v
+    missing = _missing(place, pair, distance)
+    if missing > 0.0:
+        return 0.0 if inward < missing * distance / 2.0 else float("inf")
     if inward >= -PRESSING_M_MIN * distance:
         return float("inf")
     excess = x * x + y * y - distance * distance
@@ -106,10 +134,21 @@ def _contact_time(
     return excess / (sqrt(root) - inward)
 
 
+def _missing(place: dict[int, list[float]], pair: tuple[int, int], distance: float) -> float:
+    """By how much two bodies are closer than ``distance``; 0 while half of the skin is left."""
+    (ax, ay), (bx, by) = place[pair[0]], place[pair[1]]
+    missing = distance - hypot(bx - ax, by - ay)
+    return missing if missing > SKIN_M / 2.0 else 0.0
+
+
 def _stop_pressing(
-    place: dict[int, list[float]], motion: dict[int, list[float]], pair: tuple[int, int]
+    place: dict[int, list[float]],
+    motion: dict[int, list[float]],
+    pair: tuple[int, int],
+    missing: float,
+    moving: int,
 ) -> None:
-    """Take from both the motion with which they press into each other."""
+    """Take from both the motion with which they press into each other; restore the skin."""
     (ax, ay), (bx, by) = place[pair[0]], place[pair[1]]
     distance = hypot(bx - ax, by - ay)
     nx, ny = (bx - ax) / distance, (by - ay) / distance
@@ -117,7 +156,11 @@ def _stop_pressing(
     towards, away = a[0] * nx + a[1] * ny, b[0] * nx + b[1] * ny
     # One that gives way is followed at its pace; two that press on each other both stop.
     shared = away if away > 0.0 else towards if towards < 0.0 else 0.0
-    for velocity, along in ((a, towards), (b, away)):
-        if along != shared:
-            velocity[0] += (shared - along) * nx
-            velocity[1] += (shared - along) * ny
+    back = missing / 2.0 if pair[1] < moving else missing
+    for velocity, along, after in (
+        (a, towards, min(towards, shared) - back),
+        (b, away, max(away, shared) + (missing - back)),
+    ):
+        if along != after:
+            velocity[0] += (after - along) * nx
+            velocity[1] += (after - along) * ny

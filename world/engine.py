@@ -7,7 +7,7 @@ tick 0, ``observe`` what each robot senses and receives there, ``advance`` the s
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import compress
-from math import atan2, cos, pi, sin
+from math import atan2, ceil, cos, pi, sin
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,8 @@ from world.targets import Behaviour, TargetView, behaviour_named
 
 Floats = NDArray[np.float64]
 PLACEMENT_TRIES_MAX = 10_000
+FREE_SPACING_M = 0.08
+FREE_RINGS_MAX = 2_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +140,8 @@ def advance(
     positions = state.positions.copy()
     moved, contacts = collisions.move(positions, arena.radii, wanted, state.geometry.gaps)
     positions[: count + 1] = quantised(moved)
+    if contacts:
+        positions = collisions.kept_apart(state.positions, positions, arena.radii, count + 1)
     for event in arena.scenario.events:
         if isinstance(event, MoveTarget) and event.tick == tick + 1:
             positions[count] = _nearest_free(arena, positions, event.position)
@@ -284,15 +288,21 @@ def _tries(seed: int, robot: int) -> Iterator[tuple[float, float]]:
 
 
 def _nearest_free(arena: Arena, positions: Floats, wanted: Point) -> Floats:
-    """The wanted position of the target, or the nearest of a spiral of places where it fits."""
+    """The wanted position of the target, or the nearest place around it where it fits."""
     count = len(arena.ids)
     others = np.delete(positions, count, axis=0)
     apart = np.delete(arena.radii, count) + arena.radii[count] + 2 * collisions.SKIN_M
-    for k in range(PLACEMENT_TRIES_MAX):
-        radius, angle = 0.05 * k**0.5, k * pi * (3.0 - 5.0**0.5)
-        place = quantised(np.array(wanted) + radius * np.array([cos(angle), sin(angle)]))
-        away = others - place
-        if ((away * away).sum(axis=1) > apart**2).all():
+    for ring in range(FREE_RINGS_MAX):
+        radius = ring * FREE_SPACING_M
+        places = max(1, ceil(2 * pi * ring))
+        angles = np.arange(places) * (2 * pi / places)
+        tried = quantised(
+            np.array(wanted) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        )
+        away = others - tried[:, None]
+        free = ((away * away).sum(axis=2) > apart**2).all(axis=1)
+        if free.any():
+            place: Floats = tried[free.argmax()]
             return place
     staying: Floats = positions[count]
     return staying

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from importlib import resources
 from importlib.metadata import entry_points
-from math import asin, floor, pi
+from math import asin, floor, hypot, pi
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,6 +28,7 @@ Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 Tick = Annotated[int, Field(ge=0, le=10_000_000)]
 ROBOTS_MAX = 256
 SPACING_BODIES = 1.5
+STARTING_GAP_M = 1e-4
 
 
 class ScenarioError(ValueError):
@@ -415,8 +416,8 @@ def _overlaps(scenario: Scenario) -> list[str]:
     found = []
     for k, (name, (x, y), radius) in enumerate(bodies):
         for other, (ox, oy), other_radius in [*bodies[:k], *fixed]:
-            if (x - ox) ** 2 + (y - oy) ** 2 <= (radius + other_radius) ** 2:
-                found.append(f"{name} = {(x, y)}: overlaps {other} = {(ox, oy)}")
+            if hypot(x - ox, y - oy) < radius + other_radius + STARTING_GAP_M:
+                found.append(f"{name} = {(x, y)}: overlaps or touches {other} = {(ox, oy)}")
     return found
 
 

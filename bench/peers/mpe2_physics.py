@@ -1,4 +1,4 @@
-"""Steps per second of MPE2's simple_tag with N pursuers: physics alone, no messages, no decisions."""
+"""Steps per second of MPE2's simple_tag with N pursuers: physics, no messages, no decisions."""
 
 import json
 import sys
