@@ -22,6 +22,9 @@ TURNS = tuple((cos(angle), sin(angle)) for angle in _ANGLES)
 """Cosine and sine of the turns tried, in that order; the first is none at all."""
 PROGRESS_MIN = 0.05
 SHARE_MIN = 0.05
+GAIN_MIN = 1e-9
+"""Headings that get equally far must not be told apart by rounding."""
+ROUNDING_M = 1e-12
 TARGET_TOLERANCE_M = 0.3
 
 
@@ -59,11 +62,11 @@ def avoid(
     way_out = None
     sx, sy = step
     for turn_cos, turn_sin in TURNS:
-        if turn_cos <= best_gain and best_gain > PROGRESS_MIN:
+        if turn_cos <= best_gain + GAIN_MIN and best_gain > PROGRESS_MIN:
             break  # headings are in order of turning, and none gets farther than its cosine
         candidate = (turn_cos * sx - turn_sin * sy, turn_sin * sx + turn_cos * sy)
         share = _safe_share(candidate, walls, limits, keep)
-        if share * turn_cos > best_gain:
+        if share * turn_cos > best_gain + GAIN_MIN:
             best, best_gain = (share * candidate[0], share * candidate[1]), share * turn_cos
         elif share == 1.0 and way_out is None:
             way_out = candidate
@@ -112,7 +115,7 @@ def _safe_share(
     share = 1.0
     for nx, ny, limit in limits:
         towards = nx * sx + ny * sy
-        if towards * share > limit:
+        if towards * share > limit + ROUNDING_M:
             share = limit / towards
     while walls and share > SHARE_MIN and not _is_clear(share * sx, share * sy, walls, keep):
         share /= 2.0

@@ -60,7 +60,10 @@ class RobotCore:
         if channel == "setup":
             self._set_up(decode(Setup, payload, self.run))
         elif channel == "end":
-            self.ended = decode(End, payload, self.run).reason
+            end = decode(End, payload, self.run)
+            if end.robot != self.robot:
+                raise WrongSender(f"end is for {end.robot}")
+            self.ended = end.reason
         else:
             raise OutOfTurn(f"a robot does not listen to {channel!r}")
         return []

@@ -54,9 +54,11 @@ class Track(NamedTuple):
     """The filter's state: entries for the ticks ``first_tick``, ``first_tick + 1``, ..."""
 
     first_tick: int
+    base: Estimate | None
+    """The estimate just before the first entry, from which the window is run again."""
     entries: tuple[Entry, ...]
     detected_tick: int
-    """Newest tick at which anyone is known to have detected the target; -1 before the first."""
+    """Newest tick at which anyone is known to have detected the target; -1 if none is."""
     dropped: int
     """Detections that came too late for the window."""
 
@@ -66,7 +68,8 @@ class Track(NamedTuple):
         return self.entries[-1].estimate if self.entries else None
 
 
-NO_TRACK = Track(0, (), -1, 0)
+NO_TRACK = Track(0, None, (), -1, 0)
+EMPTY = Entry((), None)
 
 
 def fold(
@@ -74,12 +77,15 @@ def fold(
 ) -> Track:
     """The track at ``tick`` (one after the track's last) with these detections folded in.
 
-    A track older than ``track_age_ticks_max`` is given up and starts anew with the next detection.
+    A track that nobody has fed for ``track_age_ticks_max`` is given up, and starts anew with the
+    next detection.
     """
-    entries = list(track.entries)
-    entries.append(Entry((), None))
-    first = max(track.first_tick, tick - parameters.window_ticks + 1)
-    del entries[: len(entries) - (tick - first + 1)]
+    entries = [*track.entries, EMPTY]
+    first, base = track.first_tick, track.base
+    surplus = len(entries) - parameters.window_ticks
+    if surplus > 0:
+        first, base = first + surplus, entries[surplus - 1].estimate
+        del entries[:surplus]
     dirty = len(entries) - 1
     newest, dropped = track.detected_tick, track.dropped
     by_tick: dict[int, list[Detection]] = {}
@@ -87,9 +93,7 @@ def fold(
         by_tick.setdefault(detection[0], []).append(detection)
     for heard_tick, arrived in by_tick.items():
         place = heard_tick - first
-        # The first entry is the checkpoint from which the rest is run again: it stays as it is,
-        # unless it is the very beginning of the run.
-        if place < (0 if first == 0 else 1):
+        if place < 0:
             dropped += len(arrived)
             continue
         known = entries[place].detections
@@ -98,15 +102,15 @@ def fold(
             entries[place] = Entry(tuple(sorted(merged.values())), None)
             dirty = min(dirty, place)
             newest = max(newest, heard_tick)
-    if newest < tick - parameters.track_age_ticks_max:
-        return Track(tick + 1, (), -1, dropped)
+    if -1 < newest < tick - parameters.track_age_ticks_max:
+        return Track(first, None, (EMPTY,) * len(entries), -1, dropped)
     noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
-    before = entries[dirty - 1].estimate if dirty else None
+    before = entries[dirty - 1].estimate if dirty else base
     for place in range(dirty, len(entries)):
         heard = entries[place].detections
         before = _step(before, heard, noise, parameters.velocity_mps_std)
         entries[place] = Entry(heard, before)
-    return Track(first, tuple(entries), newest, dropped)
+    return Track(first, base, tuple(entries), newest, dropped)
 
 
 def _step(

@@ -152,7 +152,7 @@ def strategy_named(name: str) -> Strategy:
         return BUILT_IN[name]
     found = {entry.name: entry for entry in entry_points(group=GROUP)}
     if name not in found:
-        known = ", ".join([*BUILT_IN, *sorted(found)])
+        known = ", ".join(sorted({*BUILT_IN, *found}))
         raise ValueError(f"strategy {name!r} is not known; known are: {known}")
     strategy: Strategy = found[name].load()
     return strategy

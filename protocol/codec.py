@@ -6,6 +6,7 @@ is canonical (fixed field order, no optional fields left out), so equal messages
 """
 
 import math
+import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import lru_cache
@@ -36,7 +37,10 @@ TEXT_MAX = 256
 LIST_MAX = 256
 HEADER_BYTES = 9  # map size, "v", version, "run" and the size of a run's name below 32 letters
 SHOWN_MAX = 80
-_FLOAT, _STR, _BYTES = {float}, {str}, {bytes}
+NUMBER_MAX = 1e9
+"""Larger numbers are refused: squared and summed they must stay finite and keep their meaning."""
+_FLOAT, _STR, _BYTES, _NUMBERS = {float}, {str}, {bytes}, {float, int}
+_SIGHTING = (str, float, float)
 
 
 def encode(message: Message, run: str) -> bytes:
@@ -75,7 +79,7 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
         raise MalformedMessage(f"{kind.__name__} is not msgpack: {error or type(error)}") from error
     if type(body) is not dict:
         raise MalformedMessage(f"{kind.__name__} is not a map but {_shown(body)}")
-    if body.get("v") != VERSION:
+    if type(body.get("v")) is not int or body["v"] != VERSION:
         raise WrongVersion(
             f"{kind.__name__} has version {_shown(body.get('v'))}, this program speaks {VERSION}"
         )
@@ -106,16 +110,21 @@ def _wrong_fields(kind: type[Any], body: Mapping[Any, Any]) -> MalformedMessage:
 
 
 def _shown(value: object) -> str:
-    text = repr(value)
+    # reprlib goes neither deep nor far, whatever a stranger sends.
+    text = reprlib.repr(value)
     return text if len(text) <= SHOWN_MAX else text[:SHOWN_MAX] + "..."
 
 
 def _number(value: Any) -> float:
-    if type(value) is float and math.isfinite(value):
-        return value
-    if type(value) is int and abs(value) < 2**53:
+    if type(value) in _NUMBERS and -NUMBER_MAX < value < NUMBER_MAX:
         return float(value)
-    raise ValueError("a finite number")
+    raise ValueError(f"a number between -{NUMBER_MAX:g} and {NUMBER_MAX:g}")
+
+
+def _duration(value: Any) -> float:
+    if (number := _number(value)) > 0.0:
+        return number
+    raise ValueError("a number above 0")
 
 
 def _count(value: Any) -> int:
@@ -143,18 +152,22 @@ def _truth(value: Any) -> bool:
 
 
 def _point(value: Any) -> Point:
-    try:
+    if type(value) is tuple and len(value) == 2:
         x, y = value
-        if type(x) is float and type(y) is float and math.isfinite(x) and math.isfinite(y):
-            return value  # type: ignore[no-any-return]  # a tuple of two floats by now
-        return (_number(x), _number(y))
-    except (TypeError, ValueError):
-        raise ValueError("a pair of finite numbers") from None
+        if type(x) is float and type(y) is float and -NUMBER_MAX < x < NUMBER_MAX > y > -NUMBER_MAX:
+            return value  # what honest senders send, without another call
+        return _number(x), _number(y)
+    raise ValueError("a pair of numbers")
 
 
 def _scan(value: Any) -> tuple[float, ...]:
     # An infinite or NaN entry makes the sum not finite: passes in C instead of a call for each.
-    if type(value) is tuple and set(map(type, value)) <= _FLOAT and math.isfinite(sum(value)):
+    if (
+        type(value) is tuple
+        and set(map(type, value)) <= _FLOAT
+        and math.isfinite(sum(value))
+        and max(map(abs, value), default=0.0) < NUMBER_MAX
+    ):
         return value
     return _numbers(value)
 
@@ -174,19 +187,17 @@ def _packets(value: Any) -> tuple[bytes, ...]:
 def _seen(value: Any) -> tuple[tuple[str, float, float], ...]:
     if type(value) is not tuple:
         raise ValueError("a list")
-    total = 0.0
     for item in value:
-        if type(item) is not tuple or tuple(map(type, item)) != (str, float, float):
+        if type(item) is not tuple or tuple(map(type, item)) != _SIGHTING:
             return tuple([_sighting(sighting) for sighting in value])
-        total += item[1] + item[2]
-    if not math.isfinite(total):
-        raise ValueError("made of a robot's id and two finite numbers each")
+        if not (-NUMBER_MAX < item[1] < NUMBER_MAX > item[2] > -NUMBER_MAX):
+            raise ValueError("made of a robot's id and two numbers each")
     return value
 
 
 def _sighting(value: Any) -> tuple[str, float, float]:
     if type(value) is not tuple or len(value) != 3:
-        raise ValueError("made of a robot's id and two finite numbers each")
+        raise ValueError("made of a robot's id and two numbers each")
     return _text(value[0]), _number(value[1]), _number(value[2])
 
 
@@ -228,7 +239,7 @@ _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "robot": _text,
     "tick": _count,
     "sequence": _count,
-    "tick_s": _number,
+    "tick_s": _duration,
     "strategy": _text,
     "parameters": _parameters,
     "position": _point,

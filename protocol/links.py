@@ -41,7 +41,7 @@ class MemoryHub:
     def deliver(self, sender: "MemoryLink", key: str, payload: bytes) -> None:
         """Put a message into the queue of each link that takes it, but its sender's."""
         for link in self._links:
-            if link is not sender and key.startswith(link.prefixes):
+            if link is not sender and not link.closed and key.startswith(link.prefixes):
                 link.inbox.put((key, payload), timeout=10.0)
 
 
@@ -50,13 +50,13 @@ class MemoryLink:
 
     def __init__(self, hub: MemoryHub, prefixes: tuple[str, ...]) -> None:
         self._hub = hub
-        self._closed = False
+        self.closed = False
         self.prefixes = prefixes
         self.inbox: queue.Queue[tuple[str, bytes] | None] = queue.Queue(QUEUE_MAX)
 
     def send(self, key: str, payload: bytes) -> None:
         """Deliver at once to every other link that takes the key."""
-        if self._closed:
+        if self.closed:
             raise LinkClosed("this link is closed")
         self._hub.deliver(self, key, payload)
 
@@ -70,6 +70,6 @@ class MemoryLink:
 
     def close(self) -> None:
         """Close, and wake the receiver."""
-        if not self._closed:
-            self._closed = True
+        if not self.closed:
+            self.closed = True
             self.inbox.put(None)

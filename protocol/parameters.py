@@ -6,8 +6,11 @@ parameters in ``setup``; a robot refuses names it does not know.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import pi
+from math import isfinite, pi
 from typing import Any
+
+
+XI_MAX = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,18 +73,20 @@ class Parameters:
         Raises ``ValueError`` naming every unknown key and every value that makes no sense.
         """
         known: dict[str, Any] = {f.name: f.default for f in fields(cls)}
-        problems = [f"unknown parameter {name!r}" for name in values if name not in known]
+        problems = [
+            f"{name} = {values[name]!r}: unknown parameter" for name in values if name not in known
+        ]
         given: dict[str, Any] = {}
         for name, value in values.items():
             default = known.get(name)
             if isinstance(default, tuple):
-                try:
+                if isinstance(value, list | tuple) and all(map(_is_number, value)):
                     given[name] = tuple(float(v) for v in value)
-                except (TypeError, ValueError):
+                else:
                     problems.append(f"{name} = {value!r}: must be a list of numbers")
             elif isinstance(default, str):
                 given[name] = value
-            elif isinstance(value, bool) or not isinstance(value, int | float):
+            elif default is not None and not _is_number(value):
                 problems.append(f"{name} = {value!r}: must be a number")
             elif isinstance(default, int) and value != int(value):
                 problems.append(f"{name} = {value!r}: must be a whole number")
@@ -105,14 +110,24 @@ class Parameters:
             if getattr(self, name) not in choices:
                 found.append(f"{name} = {getattr(self, name)!r}: must be one of {choices}")
         grid = self.xi_grid
-        if not 1 <= len(grid) <= 64 or list(grid) != sorted(set(grid)) or grid[0] < 0:
-            found.append(f"xi_grid = {list(grid)}: must be 1 to 64 ascending steps from 0 up")
+        if (
+            not 1 <= len(grid) <= 64
+            or list(grid) != sorted(set(grid))
+            or not 0 <= grid[0] <= grid[-1] <= XI_MAX
+        ):
+            found.append(
+                f"xi_grid = {list(grid)}: must be 1 to 64 ascending steps from 0 to {XI_MAX:g}"
+            )
         if (self.spline_samples - 1) * self.spline_spacing_ticks >= self.window_ticks:
             found.append(
                 f"spline_samples = {self.spline_samples} every {self.spline_spacing_ticks} ticks:"
                 f" must fit into window_ticks = {self.window_ticks}"
             )
         return found
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
 _RANGES = (

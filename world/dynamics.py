@@ -8,7 +8,7 @@ FULL_TURN_RAD = 2.0 * np.pi
 
 def limited(steps: NDArray[np.float64], step_m_max: NDArray[np.float64]) -> NDArray[np.float64]:
     """Steps (B, 2) in m, each shortened to its body's longest (B,)."""
-    lengths = np.sqrt((steps * steps).sum(axis=1))
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
     over = lengths > step_m_max
     if not over.any():
         return steps

@@ -115,7 +115,7 @@ def behaviour_named(name: str) -> Behaviour:
         return BUILT_IN[name]
     found = {entry.name: entry for entry in entry_points(group=GROUP)}
     if name not in found:
-        known = ", ".join([*BUILT_IN, *sorted(found)])
+        known = ", ".join(sorted({*BUILT_IN, *found}))
         raise ValueError(f"unknown behaviour; known are: {known}")
     behaviour: Behaviour = found[name].load()
     return behaviour
