@@ -5,6 +5,7 @@ compares the poses and commands it sends with those recorded. It needs no world 
 is found different was decided differently.
 """
 
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -81,13 +82,14 @@ def read_recording(path: str | Path) -> Recording:
                         channels[record.id] = record.topic
                     elif isinstance(record, Metadata) and record.name == "encircle":
                         metadata = record.metadata
-            except (McapError, EOFError, ValueError, KeyError):
+            except (McapError, EOFError, ValueError, KeyError, struct.error):
                 complete = False
     except OSError as error:
         raise RecordingError(f"{file_path} cannot be read: {error.strerror}") from None
-    if not metadata:
-        raise RecordingError(f"{file_path} is not a recording of this program")
-    scenario, seed, run = read_metadata(metadata)
+    try:
+        scenario, seed, run = read_metadata(metadata)
+    except (KeyError, ValueError):  # a scenario that does not load is a ValueError too
+        raise RecordingError(f"{file_path} is not a recording of this program, or its head is damaged") from None
     return Recording(file_path, scenario, seed, run, tuple(messages), complete)
 
 
@@ -101,15 +103,20 @@ def replay(path: str | Path) -> ReplayCheck:
     compared = 0
     for tick, topic, payload in recording.messages:
         *_, robot, channel = topic.split("/")
-        if channel in ("setup", "observation"):
+        if channel in ("setup", "observation", "pose", "command") and robot not in cores:
+            differences.append((tick, robot, channel))
+        elif channel in ("setup", "observation"):
             for key, answer in cores[robot].receive(f"encircle/{run}/{topic}", payload):
                 decided[tick, robot, key.rsplit("/", 1)[1]] = answer
         elif channel in ("pose", "command"):
             compared += 1
             if not _same(decided.pop((tick, robot, channel), None), payload, channel, run):
                 differences.append((tick, robot, channel))
+    # What was decided but not recorded: left out, unless the recording ends before it.
+    last = max((tick for tick, _, _ in recording.messages), default=0)
+    differences += [left for left in decided if recording.complete or left[0] < last]
     return ReplayCheck(
-        max((tick for tick, _, _ in recording.messages), default=0),
+        last,
         len(cores),
         compared,
         tuple(differences),

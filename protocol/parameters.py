@@ -4,11 +4,10 @@ The others were chosen by measurement; ``docs/paper.md`` has the tables. The wor
 parameters in ``setup``; a robot refuses names it does not know.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import isfinite, pi
 from typing import Any
-
 
 XI_MAX = 100.0
 
@@ -80,7 +79,7 @@ class Parameters:
         for name, value in values.items():
             default = known.get(name)
             if isinstance(default, tuple):
-                if isinstance(value, list | tuple) and all(map(_is_number, value)):
+                if isinstance(value, Sequence) and all(map(_is_number, value)):
                     given[name] = tuple(float(v) for v in value)
                 else:
                     problems.append(f"{name} = {value!r}: must be a list of numbers")

@@ -22,6 +22,7 @@ from world.scenario import Delay, Loss, Scenario
 
 CAUSES = {1: "loss", 2: "burst-loss", 3: "sender-silent", 4: "receiver-silent"}
 """Why a packet was lost, by the code that stands negated in the fates."""
+TICKS_MAX = 1e9
 LOSS, BURST_LOSS, SENDER_SILENT, RECEIVER_SILENT = CAUSES
 
 Floats = NDArray[np.float64]
@@ -108,7 +109,8 @@ def build(scenario: Scenario, seed: int) -> Channel:
 def delay_ticks(delay_s: Floats, tick_s: float) -> NDArray[np.int64]:
     """Whole ticks until delivery: the first tick at or after arrival, and never the same tick."""
     # A delay of exactly k ticks must not become k + 1 because tick_s is not a binary fraction.
-    return np.maximum(1, np.ceil(delay_s / tick_s - 1e-9)).astype(np.int64)
+    ticks = np.ceil(delay_s / tick_s - 1e-9)
+    return np.clip(ticks, 1.0, TICKS_MAX).astype(np.int64)
 
 
 def quantile(delay: Delay) -> Callable[[Floats], Floats]:

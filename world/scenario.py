@@ -29,6 +29,7 @@ Tick = Annotated[int, Field(ge=0, le=10_000_000)]
 ROBOTS_MAX = 256
 SPACING_BODIES = 1.5
 STARTING_GAP_M = 1e-4
+SPREAD_MAX = 1e3
 
 
 class ScenarioError(ValueError):
@@ -155,7 +156,7 @@ class Scenario(_Model):
     title: str = ""
     description: str = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
-    tick_s: Annotated[float, Field(gt=0.0, le=60.0)] = 0.1
+    tick_s: Annotated[float, Field(ge=1e-4, le=60.0)] = 0.1
     ticks_max: Annotated[int, Field(ge=1, le=1_000_000)] = 600
     team: Team
     target: Target = Target()
@@ -330,9 +331,17 @@ def _problems_of_names(scenario: Scenario) -> list[str]:
             f" known are: {', '.join(strategies)}"
         )
     try:
-        check_parameters(behaviour_named(scenario.target.behaviour), scenario.target.parameters)
+        behaviour = behaviour_named(scenario.target.behaviour)
     except ValueError as error:
         found.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
+    else:
+        try:
+            check_parameters(behaviour, scenario.target.parameters)
+        except ValueError as error:
+            found.extend(
+                f"target.parameters.{problem} (target.behaviour = {scenario.target.behaviour!r})"
+                for problem in str(error).split("; ")
+            )
     found += [
         f"robot.{name} = {scenario.robot[name]!r}: belongs under team, target or capture"
         for name in sorted(set(scenario.robot) & set(scenario._bodies))
@@ -369,6 +378,11 @@ def _problems_of_channel(channel: ChannelModel) -> list[str]:
             drawn = model.model in ("gamma", "lognormal")
             if drawn and not (model.mean_s > 0.0 and model.std_s > 0.0):
                 found.append(f"{key}: {model.model} needs mean_s and std_s above 0")
+            elif drawn and not 1 / SPREAD_MAX <= model.std_s / model.mean_s <= SPREAD_MAX:
+                found.append(
+                    f"{key}.std_s = {model.std_s}: must be from 1/{SPREAD_MAX:g} to"
+                    f" {SPREAD_MAX:g} times mean_s = {model.mean_s}"
+                )
             if model.model == "uniform" and model.low_s > model.high_s:
                 found.append(
                     f"{key}.low_s = {model.low_s}: must be at most high_s = {model.high_s}"
@@ -417,7 +431,7 @@ def _overlaps(scenario: Scenario) -> list[str]:
     for k, (name, (x, y), radius) in enumerate(bodies):
         for other, (ox, oy), other_radius in [*bodies[:k], *fixed]:
             if hypot(x - ox, y - oy) < radius + other_radius + STARTING_GAP_M:
-                found.append(f"{name} = {(x, y)}: overlaps or touches {other} = {(ox, oy)}")
+                found.append(f"{name} = {(x, y)}: overlaps {other} = {(ox, oy)}")
     return found
 
 

@@ -6,15 +6,21 @@ its parameters, set in the scenario under ``target.parameters``.
 """
 
 import inspect
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from importlib.metadata import entry_points
 from math import atan2, cos, hypot, pi, sin
-from typing import Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias, get_type_hints
+
+from pydantic import ConfigDict, Field, ValidationError, create_model
 
 from protocol.messages import Point
 
 GROUP = "encircle.targets"
+Distance = Annotated[float, Field(ge=0.0, le=1e5, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
+Waypoints = Annotated[Sequence[tuple[Coordinate, Coordinate]], Field(min_length=1)]
 
 
 class TargetView(NamedTuple):
@@ -39,7 +45,7 @@ Behaviour: TypeAlias = Callable[..., tuple[Any, Point]]
 remember and the step it wants, in m."""
 
 
-def flee(memory: Any, view: TargetView, *, obstacle_range_m: float = 1.5) -> tuple[Any, Point]:
+def flee(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> tuple[Any, Point]:
     """Away from every robot it detects, from near ones more (inverse square); also off obstacles.
 
     With none in sight it goes on as it was going; before it has ever seen one it stands still.
@@ -58,7 +64,7 @@ def flee(memory: Any, view: TargetView, *, obstacle_range_m: float = 1.5) -> tup
     return memory, _step(_clear_heading(memory, view, obstacle_range_m), view.step_m_max)
 
 
-def gap(memory: Any, view: TargetView, *, obstacle_range_m: float = 1.5) -> tuple[Any, Point]:
+def gap(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> tuple[Any, Point]:
     """Through the middle of the widest angular gap between the robots it detects.
 
     With none in sight it goes on as it was going; before it has ever seen one it stands still.
@@ -83,7 +89,7 @@ def straight(memory: Any, view: TargetView) -> tuple[Any, Point]:
     return heading, _step(heading, view.step_m_max)
 
 
-def patrol(memory: Any, view: TargetView, *, waypoints: Sequence[Point]) -> tuple[Any, Point]:
+def patrol(memory: Any, view: TargetView, *, waypoints: Waypoints) -> tuple[Any, Point]:
     """From waypoint to waypoint, in m, round and round."""
     place = memory or 0
     gx, gy = waypoints[place % len(waypoints)]
@@ -122,11 +128,29 @@ def behaviour_named(name: str) -> Behaviour:
 
 
 def check_parameters(behaviour: Behaviour, parameters: Mapping[str, Any]) -> None:
-    """``ValueError`` if the behaviour has no such parameters or lacks one it needs."""
+    """``ValueError`` listing parameters that the behaviour lacks, needs or cannot take.
+
+    Values are checked against the annotations of the behaviour's keyword-only arguments.
+    """
+    hints = get_type_hints(behaviour, include_extras=True)
+    wanted: dict[str, Any] = {
+        name: (hints.get(name, Any), ... if p.default is p.empty else p.default)
+        for name, p in inspect.signature(behaviour).parameters.items()
+        if p.kind is p.KEYWORD_ONLY
+    }
+    model = create_model("Parameters", __config__=ConfigDict(extra="forbid"), **wanted)
     try:
-        inspect.signature(behaviour).bind(None, None, **parameters)
-    except TypeError as error:
-        raise ValueError(str(error)) from None
+        model.model_validate(dict(parameters))
+    except ValidationError as error:
+        raise ValueError("; ".join(map(_problem, error.errors()))) from None
+
+
+def _problem(error: Any) -> str:
+    key = ".".join(map(str, error["loc"]))
+    if error["type"] == "missing":
+        return f"{key} is missing"
+    what = "unknown parameter" if error["type"] == "extra_forbidden" else error["msg"]
+    return f"{key} = {reprlib.repr(error['input'])}: {what}"
 
 
 def _step(heading_rad: float, length_m: float) -> Point:
