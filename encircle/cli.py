@@ -154,7 +154,7 @@ def reproduce_command(
     """Run the paper's five simulations, draw their figures, and say what was found."""
     from encircle.reproduce import reproduce
 
-    report = reproduce(out, seeds)
+    report = reproduce(out, seeds, tell=lambda line: print(line, file=sys.stderr, flush=True))
     print(json.dumps(report.as_dict()) if as_json else report.text())
 
 

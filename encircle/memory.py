@@ -21,7 +21,7 @@ def run_in_memory(
     record: Record | None = None,
     progress: Callable[[WorldCore], None] | None = None,
 ) -> Result:
-    """Run a hunt to its end; ``progress`` is called after every tick."""
+    """Run a hunt to its end; ``progress`` is called at every tick but the last."""
     world = WorldCore(arena, run, log, record)
     robots = {robot: RobotCore(robot, run, log) for robot in arena.ids}
     for robot, core in robots.items():

@@ -1,0 +1,149 @@
+"""The command line as a person or a script meets it: output, exit status, errors in one line."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import encircle
+
+REQUIRED = {
+    "scenario",
+    "seed",
+    "link",
+    "robots",
+    "processes",
+    "captured",
+    "capture_tick",
+    "ticks",
+    "digest",
+    "wall_s",
+    "out",
+}
+
+
+def command(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "encircle", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        timeout=60,
+        check=False,
+    )
+
+
+def test_run_prints_one_json_object_and_nothing_else_on_standard_output(tmp_path):
+    done = command(tmp_path, "run", "sim1", "--json", "--out", "here")
+    assert done.returncode == 0
+    answer = json.loads(done.stdout)
+    assert set(answer) >= REQUIRED
+    assert (answer["link"], answer["robots"], answer["processes"]) == ("zenoh", 4, 5)
+    assert answer["digest"] == encircle.run("sim1", link="memory").digest
+    written = sorted(p.name for p in (tmp_path / "here").iterdir())
+    assert written == ["recording.mcap", "summary.json", "trajectory.png"]
+
+
+def test_run_ends_in_a_table_with_the_paths(tmp_path):
+    done = command(tmp_path, "run", "sim1", "--link", "memory", "--seed", "5")
+    assert done.returncode == 0
+    for said in ("captured", "at tick", "packets sent", "runs/sim1-seed5-1/recording.mcap"):
+        assert said in done.stdout
+    assert (tmp_path / "runs/sim1-seed5-1/trajectory.png").stat().st_size > 10_000
+
+
+def test_a_second_run_gets_a_directory_of_its_own(tmp_path):
+    for _ in range(2):
+        command(tmp_path, "run", "sim1", "--link", "memory", "--set", "ticks_max=3")
+    assert len(list((tmp_path / "runs").iterdir())) == 2
+
+
+def test_scenarios_lists_those_of_the_paper(tmp_path):
+    done = command(tmp_path, "scenarios")
+    assert [line.split()[0] for line in done.stdout.splitlines()] == [
+        f"sim{k}" for k in range(1, 6)
+    ]
+    assert set(json.loads(command(tmp_path, "scenarios", "--json").stdout)) == set(
+        encircle.shipped()
+    )
+
+
+def test_replay_check_passes_on_an_honest_recording(tmp_path):
+    encircle.run("sim2", link="memory", out=tmp_path / "run")
+    done = command(tmp_path, "replay", "run", "--check", "--json")
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["same"] is True
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "nowhere"], "neither a file nor one of"),
+        (["run", "sim1", "--link", "pigeon"], "pigeon"),
+        (["run", "sim1", "--set", "target.speed=3"], "target.speed = 3: unknown key"),
+        (["run", "sim1", "--set", "team.strategy=guess"], "unknown strategy"),
+        (["run", "sim1", "--set", "nonsense"], "must be key=value"),
+        (["run", "sim1", "--out", "full"], "full is not empty"),
+        (["replay", "absent"], "absent cannot be read"),
+        (["world", "sim1", "--listen", "tcp/127.0.0.1:1", "--run", "a/b"], "not a valid name"),
+        (["fly"], "fly"),
+    ],
+)
+def test_bad_usage_is_status_2_and_names_the_thing(tmp_path, arguments, said):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "precious").write_text("keep me")
+    done = command(tmp_path, *arguments)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "full" / "precious").read_text() == "keep me"
+
+
+def test_all_errors_of_a_scenario_are_shown_at_once(tmp_path):
+    (tmp_path / "bad.toml").write_text(
+        'ticks_max = 0\nspeed = 2\n[team]\nrobots = -1\n[channel.loss]\nrate = "much"\n'
+    )
+    said = command(tmp_path, "run", "bad.toml").stderr
+    for key in ("ticks_max = 0", "speed = 2", "team.robots = -1", "channel.loss.rate = 'much'"):
+        assert key in said
+
+
+def test_the_program_starts_without_the_plotting_library():
+    code = "import sys, encircle.cli, encircle.hunts, encircle.launch; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert not {"matplotlib", "scipy", "agents.brain"} & set(done.stdout.split())
+
+
+def test_a_robot_imports_only_what_a_robot_uses():
+    code = (
+        "import sys; from agents.lean_start import postponed\n"
+        "with postponed('scipy.stats', 'scipy.ndimage'):\n"
+        "    import agents.robot\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    loaded = set(done.stdout.split())
+    assert "filterpy.kalman.kalman_filter" in loaded
+    unwanted = {"world", "encircle", "matplotlib", "pydantic", "mcap", "typer", "rich"}
+    assert not (unwanted | {"scipy.stats", "scipy.ndimage"}) & loaded
+
+
+def test_what_was_postponed_works_when_it_is_used():
+    code = (
+        "from agents.lean_start import postponed\n"
+        "with postponed('scipy.stats', 'scipy.ndimage'):\n"
+        "    import filterpy.stats\n"
+        "import scipy.stats\n"
+        "print(filterpy.stats.logpdf(1.0, 0.0, 1.0) == scipy.stats.norm.logpdf(1.0))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.stdout.strip() == "True", done.stderr
