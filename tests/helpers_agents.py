@@ -1,0 +1,89 @@
+"""Builders of messages and roles, and a ring of rays, for the tests of the robot's modules."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import cos, hypot, inf, pi, sin, sqrt
+
+from agents.brain import BrainState, Role, initial, step
+from agents.strategies import Strategy, encircle_or_shrink
+from protocol.messages import Command, Observation, Point, Pose
+from protocol.parameters import Parameters
+
+TEAM = ("r1", "r2", "r3", "r4")
+TICK_S = 0.1
+RANGE_M = 6.0
+
+
+def observation(
+    robot: str = "r1",
+    tick: int = 0,
+    position: Point = (0.0, 0.0),
+    target: Point | None = None,
+    scan: tuple[float, ...] = (RANGE_M,) * 24,
+    seen: tuple[tuple[str, float, float], ...] = (),
+    inbox: tuple[bytes, ...] = (),
+) -> Observation:
+    """An observation with nothing in it but what is given."""
+    return Observation(robot, tick, position, 0.0, target, scan, seen, inbox)
+
+
+def pose(
+    robot: str = "r2",
+    tick: int = 0,
+    position: Point = (5.0, 5.0),
+    velocity: Point = (0.0, 0.0),
+    detection: Point | None = None,
+) -> Pose:
+    """A pose packet, its sequence number its tick, as robots send them."""
+    return Pose(robot, tick, tick, position, velocity, detection, "encircle", 0.0, 0)
+
+
+def role(
+    strategy: Strategy = encircle_or_shrink,
+    robot: str = "r1",
+    team: tuple[str, ...] = TEAM,
+    **changed: object,
+) -> Role:
+    """A robot's role, with some parameters changed."""
+    parameters = replace(Parameters(), **changed)  # type: ignore[arg-type]
+    return Role(robot, team, TICK_S, strategy, parameters)
+
+
+def run_brain(
+    part: Role, observations: Sequence[Observation], packets: Callable[[int], list[Pose]] | None
+) -> tuple[BrainState, list[Command]]:
+    """Step a fresh brain through observations; ``packets`` gives the inbox of each tick."""
+    state, commands = initial(part), []
+    for seen in observations:
+        state, action = step(state, seen, packets(seen.tick) if packets else [], part)
+        commands.append(action.command)
+    return state, commands
+
+
+def ring_of_rays(
+    centre: Point, discs: Sequence[tuple[float, float, float]], rays: int, range_m: float = RANGE_M
+) -> tuple[float, ...]:
+    """Distance from ``centre`` to the nearest disc ``(x, y, radius)`` along each ray."""
+    found = []
+    for m in range(rays):
+        ux, uy = cos(2 * pi * m / rays), sin(2 * pi * m / rays)
+        nearest = inf
+        for x, y, radius in discs:
+            dx, dy = x - centre[0], y - centre[1]
+            along, aside = dx * ux + dy * uy, dx * uy - dy * ux
+            if abs(aside) <= radius and along > 0.0:
+                nearest = min(nearest, along - sqrt(radius**2 - aside**2))
+        found.append(min(nearest, range_m))
+    return tuple(found)
+
+
+def spread(positions: Sequence[Point]) -> float:
+    """The smallest distance between any two of these positions."""
+    return min(
+        (
+            hypot(a[0] - b[0], a[1] - b[1])
+            for i, a in enumerate(positions)
+            for b in positions[i + 1 :]
+        ),
+        default=inf,
+    )

@@ -1,0 +1,235 @@
+"""Round trips and golden bytes; what is refused is in test_codec_refusals."""
+
+import string
+from math import nextafter
+from typing import Any
+
+import msgpack
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from protocol.codec import BYTES_MAX, NUMBER_MAX, Message, body_of, decode, decode_pose, encode
+from protocol.errors import WrongRun
+from protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+
+CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
+
+SAMPLES: dict[type[Any], Message] = {
+    Setup: Setup("r1", ("r1", "r2"), 0.1, "xi-star", {"window_ticks": 30, "xi_grid": (0.0, 1.0)}),
+    Observation: Observation(
+        "r1", 7, (1.0, -2.5), 0.5, None, (6.0, 0.25), (("r2", 3.0, 4.0),), (b"\x01\x02",)
+    ),
+    Pose: Pose("r2", 3, 3, (1.0, 2.0), (0.0, -1.5), (4.0, 0.5), "encircle", 2.0, 1),
+    Command: Command(
+        "r1",
+        7,
+        (0.25, 0.0),
+        "search",
+        None,
+        None,
+        (1.0, 2.0),
+        None,
+        None,
+        ("r1",),
+        {"malformed": 2},
+    ),
+    End: End("r1", 9, "captured"),
+    State: State(5, ((0.0, 1.0),), (0.5,), (2.0, 3.0), False, (("r1", "target"),)),
+    Radio: Radio(4, ((0, 5), (-2, 0))),
+}
+
+# Each line of hex is a field: its name, then its value. The first is the map's size, v and run.
+GOLDEN = {
+    Setup: """
+        87 a176 01 a372756e a26731 a5726f626f74 a27231 a47465616d 92a27231a27232
+        a67469636b5f73 cb3fb999999999999a a87374726174656779 a778692d73746172
+        aa706172616d6574657273 82 ac77696e646f775f7469636b73 1e
+        a778695f67726964 92cb0000000000000000cb3ff0000000000000""",
+    Observation: """
+        8a a176 01 a372756e a26731 a5726f626f74 a27231 a47469636b 07
+        a8706f736974696f6e 92cb3ff0000000000000cbc004000000000000
+        ab68656164696e675f726164 cb3fe0000000000000 a6746172676574 c0
+        a47363616e 92cb4018000000000000cb3fd0000000000000
+        a47365656e 9193a27232cb4008000000000000cb4010000000000000 a5696e626f78 91c4020102""",
+    Pose: """
+        8b a176 01 a372756e a26731 a5726f626f74 a27232 a47469636b 03 a873657175656e6365 03
+        a8706f736974696f6e 92cb3ff0000000000000cb4000000000000000
+        a876656c6f63697479 92cb0000000000000000cbbff8000000000000
+        a9646574656374696f6e 92cb4010000000000000cb3fe0000000000000
+        a46d6f6465 a8656e636972636c65 a27869 cb4000000000000000 a5706f696e74 01""",
+    Command: """
+        8d a176 01 a372756e a26731 a5726f626f74 a27231 a47469636b 07
+        a473746570 92cb3fd0000000000000cb0000000000000000
+        a46d6f6465 a6736561726368 a27869 c0 a5706f696e74 c0
+        a4676f616c 92cb3ff0000000000000cb4000000000000000 a8657374696d617465 c0
+        a9707265646963746f72 c0 a47465616d 91a27231
+        a772656675736564 81a96d616c666f726d656402""",
+    End: """
+        85 a176 01 a372756e a26731 a5726f626f74 a27231 a47469636b 09
+        a6726561736f6e a86361707475726564""",
+    State: """
+        88 a176 01 a372756e a26731 a47469636b 05
+        a6726f626f7473 9192cb0000000000000000cb3ff0000000000000
+        ac68656164696e67735f726164 91cb3fe0000000000000
+        a6746172676574 92cb4000000000000000cb4008000000000000 a86361707475726564 c2
+        a8636f6e7461637473 9192a27231a6746172676574""",
+    Radio: """
+        84 a176 01 a372756e a26731 a47469636b 04 a56661746573 92920005 92fe00""",
+}
+
+numbers = st.floats(-NUMBER_MAX, NUMBER_MAX, exclude_min=True, exclude_max=True)
+points = st.tuples(numbers, numbers)
+texts = st.text(max_size=20)
+counts = st.integers(0, 2**53 - 1)
+values = st.one_of(
+    st.floats(allow_nan=False), st.integers(-(2**63), 2**64 - 1), st.booleans(), texts, st.none()
+)
+sightings = st.lists(st.tuples(texts, numbers, numbers), max_size=5).map(tuple)
+
+
+def tuples_of(items: Any, size: int = 5) -> Any:
+    return st.lists(items, max_size=size).map(tuple)
+
+
+messages = st.one_of(
+    st.builds(
+        Setup,
+        texts,
+        tuples_of(texts),
+        st.floats(0.0, NUMBER_MAX, exclude_min=True, exclude_max=True),
+        texts,
+        st.dictionaries(texts, values | tuples_of(values), max_size=5),
+    ),
+    st.builds(
+        Observation,
+        texts,
+        counts,
+        points,
+        numbers,
+        st.none() | points,
+        tuples_of(numbers, 30),
+        sightings,
+        tuples_of(st.binary(max_size=300)),
+    ),
+    st.builds(
+        Pose,
+        texts,
+        counts,
+        counts,
+        points,
+        points,
+        st.none() | points,
+        texts,
+        st.none() | numbers,
+        st.none() | counts,
+    ),
+    st.builds(
+        Command,
+        texts,
+        counts,
+        points,
+        texts,
+        st.none() | numbers,
+        st.none() | counts,
+        st.none() | points,
+        st.none() | points,
+        st.none() | texts,
+        tuples_of(texts),
+        st.dictionaries(texts, counts, max_size=5),
+    ),
+    st.builds(End, texts, counts, texts),
+    st.builds(
+        State,
+        counts,
+        tuples_of(points),
+        tuples_of(numbers),
+        points,
+        st.booleans(),
+        tuples_of(st.tuples(texts, texts)),
+    ),
+    st.builds(Radio, counts, tuples_of(tuples_of(st.integers(1 - 2**53, 2**53 - 1)))),
+)
+run_names = st.text(string.ascii_letters + string.digits + "-_", min_size=1, max_size=31)
+
+
+@pytest.mark.parametrize("kind", SAMPLES, ids=lambda kind: kind.__name__)
+def test_a_sample_of_each_kind_has_its_golden_bytes(kind):
+    assert encode(SAMPLES[kind], "g1").hex() == "".join(GOLDEN[kind].split())
+
+
+@pytest.mark.parametrize("kind", SAMPLES, ids=lambda kind: kind.__name__)
+def test_golden_bytes_decode_to_the_sample(kind):
+    assert decode(kind, bytes.fromhex(GOLDEN[kind]), "g1") == SAMPLES[kind]
+
+
+def test_samples_cover_every_kind_of_message():
+    assert set(SAMPLES) == set(BYTES_MAX) == set(GOLDEN)
+
+
+@CHEAP
+@given(messages, run_names)
+def test_a_message_survives_the_round_trip_and_its_bytes_do(message, run):
+    payload = encode(message, run)
+    decoded = decode(type(message), payload, run)
+    assert decoded == message
+    assert encode(decoded, run) == payload
+
+
+LARGEST = nextafter(NUMBER_MAX, 0.0)
+
+
+@pytest.mark.parametrize("x", [LARGEST, -LARGEST, 5e-324, -0.0])
+def test_the_largest_and_smallest_numbers_survive_the_round_trip_everywhere(x):
+    seen = tuple((f"r{k}", x, x) for k in range(50))
+    message = Observation("r1", 0, (x, x), x, (x, x), (x,) * 360, seen, ())
+    assert encode(decode(Observation, encode(message, "g1"), "g1"), "g1") == encode(message, "g1")
+
+
+@CHEAP
+@given(messages)
+def test_encoding_is_that_of_plain_msgpack_in_field_order(message):
+    fields = {name: getattr(message, name) for name in type(message).__slots__}
+    assert encode(message, "g1") == msgpack.packb({"v": 1, "run": "g1", **fields})
+
+
+@pytest.mark.parametrize("length", range(1, 32))
+@pytest.mark.parametrize("kind", SAMPLES, ids=lambda kind: kind.__name__)
+def test_body_is_exactly_the_fields_whatever_the_length_of_the_runs_name(kind, length):
+    message, run = SAMPLES[kind], "x" * length
+    fields = [
+        msgpack.packb(name) + msgpack.packb(getattr(message, name)) for name in kind.__slots__
+    ]
+    assert body_of(encode(message, run), run) == b"".join(fields)
+
+
+def test_whole_numbers_are_taken_where_numbers_are_wanted():
+    body = msgpack.unpackb(encode(SAMPLES[Pose], "g1"))
+    payload = msgpack.packb(body | {"position": [1, 2], "xi": 2})
+    assert decode(Pose, payload, "g1") == SAMPLES[Pose]
+
+
+def test_decoded_messages_hold_tuples_so_that_they_are_hashable():
+    decoded = decode(Observation, encode(SAMPLES[Observation], "g1"), "g1")
+    assert hash(decoded) == hash(SAMPLES[Observation])
+
+
+def test_decode_pose_is_decode_and_checks_the_run_each_time():
+    payload = encode(SAMPLES[Pose], "g1")
+    assert decode_pose(payload, "g1") == SAMPLES[Pose]
+    for _ in range(2):
+        with pytest.raises(WrongRun):
+            decode_pose(payload, "g2")
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Pose("r" * 600, 0, 0, (0.0, 0.0), (0.0, 0.0), None, "m", None, None),
+        End("r1", 0, "x" * 2000),
+        Setup("r1", ("r1",), 0.1, "xi-star", {"x" * 70_000: 1}),
+    ],
+)
+def test_encoding_more_than_the_limit_is_our_own_mistake(message):
+    with pytest.raises(AssertionError, match=type(message).__name__):
+        encode(message, "g1")

@@ -1,0 +1,291 @@
+"""Whatever is wrong with a payload raises the right error, naming what is wrong, and no other.
+
+Oracle: the table of wrong values below, by the kind of field, written from ``docs`` and the
+messages' annotations rather than from the decoder.
+"""
+
+from math import inf, nan
+from typing import Any
+
+import msgpack
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_codec import SAMPLES
+
+from protocol.codec import BYTES_MAX, decode, encode
+from protocol.errors import (
+    MalformedMessage,
+    OversizedMessage,
+    ProtocolError,
+    WrongRun,
+    WrongVersion,
+)
+from protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+
+TEXT = (5, None, b"r1", ["r1"], True, "x" * 257)
+COUNT = (-1, 1.0, "1", True, None, 2**53, [1])
+TOO_LARGE = (1e9, -1e9, 10**9, 1e308)
+NUMBER = ("1", nan, inf, -inf, True, None, 2**53, [1.0], *TOO_LARGE)
+POINT_OR_NONE = (
+    1.0,
+    [],
+    [1.0],
+    [1.0, 2.0, 3.0],
+    [nan, 0.0],
+    [0.0, -inf],
+    ["1", 2.0],
+    [True, 0.0],
+    [None, 0.0],
+    [[1.0], 2.0],
+    [0, 2**53],
+    [1e9, 0.0],
+    [0.0, -1e9],
+    [0, 10**9],
+    "ab",
+    b"ab",
+    {"x": 1.0, "y": 2.0},
+    msgpack.ExtType(5, b"ab"),
+    msgpack.Timestamp(1, 2),
+)
+POINT = (*POINT_OR_NONE, None)
+NOT_A_LIST = (None, 1.0, "ab", b"ab", {"a": 1.0})
+NUMBERS = (
+    *NOT_A_LIST,
+    ["1"],
+    [nan],
+    [inf, -inf],
+    [1.0, True],
+    [None],
+    [[1.0]],
+    [1e9],
+    [0.0, -1e9],
+    [1e308, 1e308],
+)
+COUNTS_BY_NAME = (None, [], "a", {"a": -1}, {"a": 1.5}, {"a": None}, {b"a": 1}, {"a": True})
+
+WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
+    Setup: {
+        "robot": TEXT,
+        "team": (*NOT_A_LIST, [1], [None], ["r1", b"r2"], ["r"] * 257),
+        "tick_s": (*NUMBER, 0.0, 0, -0.1),
+        "strategy": TEXT,
+        "parameters": (None, [], "a", 1.0, {b"a": 1}),
+    },
+    Observation: {
+        "robot": TEXT,
+        "tick": COUNT,
+        "position": POINT,
+        "heading_rad": NUMBER,
+        "target": POINT_OR_NONE,
+        "scan": NUMBERS,
+        "seen": (
+            *NOT_A_LIST,
+            ["r2"],
+            [["r2", 1.0]],
+            [["r2", 1.0, 2.0, 3.0]],
+            [["r2", nan, 0.0]],
+            [["r2", inf, -inf]],
+            [["r2", 1e9, 0.0]],
+            [["r2", 0.0, -1e9]],
+            [["r2", 0, 10**9]],
+            [[2, 1.0, 2.0]],
+            [["r2", "1", 2.0]],
+            [["x" * 257, 1, 2.0]],
+            [["x" * 257, 1.0, 2.0]],
+        ),
+        "inbox": (*NOT_A_LIST, ["a"], [1], [None], [[b"a"]]),
+    },
+    Pose: {
+        "robot": TEXT,
+        "tick": COUNT,
+        "sequence": COUNT,
+        "position": POINT,
+        "velocity": POINT,
+        "detection": POINT_OR_NONE,
+        "mode": TEXT,
+        "xi": tuple(v for v in NUMBER if v is not None),
+        "point": tuple(v for v in COUNT if v is not None),
+    },
+    Command: {
+        "robot": TEXT,
+        "tick": COUNT,
+        "step": POINT,
+        "mode": TEXT,
+        "xi": tuple(v for v in NUMBER if v is not None),
+        "point": tuple(v for v in COUNT if v is not None),
+        "goal": POINT_OR_NONE,
+        "estimate": POINT_OR_NONE,
+        "predictor": tuple(v for v in TEXT if v is not None),
+        "team": (*NOT_A_LIST, [1], [None], ["r1", b"r2"], ["r"] * 257),
+        "refused": COUNTS_BY_NAME,
+    },
+    End: {"robot": TEXT, "tick": COUNT, "reason": TEXT},
+    State: {
+        "tick": COUNT,
+        "robots": (*NOT_A_LIST, [1.0], [None], [[1.0]], [[nan, 0.0]], [b"ab"]),
+        "headings_rad": NUMBERS,
+        "target": POINT,
+        "captured": (None, 0, 1, "true", 1.0),
+        "contacts": (*NOT_A_LIST, ["ab"], [["r1"]], [["r1", 2]], [["r1", "r2", "r3"]]),
+    },
+    Radio: {
+        "tick": COUNT,
+        "fates": (*NOT_A_LIST, [1], [[1.0]], [[True]], [["1"]], [[2**53]], [None]),
+    },
+}
+KINDS = pytest.mark.parametrize("kind", SAMPLES, ids=lambda kind: kind.__name__)
+FUZZ = settings(max_examples=300, deadline=None, derandomize=True)
+
+
+def body_of_sample(kind):
+    return msgpack.unpackb(encode(SAMPLES[kind], "g1"))
+
+
+def refusal(kind, payload, error):
+    """The message of the error, which must be of exactly this type."""
+    with pytest.raises(ProtocolError) as caught:
+        decode(kind, payload, "g1")
+    assert type(caught.value) is error, f"{type(caught.value).__name__}: {caught.value}"
+    return str(caught.value)
+
+
+WRONG_VALUES = [
+    pytest.param(kind, name, value, id=f"{kind.__name__}-{name}-{place}")
+    for kind, fields in WRONG.items()
+    for name, values in fields.items()
+    for place, value in enumerate(values)
+]
+
+
+@pytest.mark.parametrize(("kind", "name", "value"), WRONG_VALUES)
+def test_a_wrong_value_is_malformed_and_the_error_names_kind_and_field(kind, name, value):
+    payload = msgpack.packb(body_of_sample(kind) | {name: value})
+    message = refusal(kind, payload, MalformedMessage)
+    assert message.startswith(kind.__name__)
+    assert name in message
+    assert len(message) < 500
+
+
+def test_the_table_of_wrong_values_covers_every_field():
+    assert {kind: set(fields) for kind, fields in WRONG.items()} == {
+        kind: set(kind.__slots__) for kind in SAMPLES
+    }
+
+
+def test_the_error_says_who_sent_what():
+    payload = msgpack.packb(body_of_sample(Pose) | {"position": [nan, 0.0]})
+    message = refusal(Pose, payload, MalformedMessage)
+    assert "'r2'" in message
+    assert "nan" in message
+
+
+@KINDS
+def test_each_missing_field_is_named(kind):
+    body = body_of_sample(kind)
+    for name in kind.__slots__:
+        rest = {key: value for key, value in body.items() if key != name}
+        assert f"missing ['{name}']" in refusal(kind, msgpack.packb(rest), MalformedMessage)
+
+
+@KINDS
+@pytest.mark.parametrize("name", ["speed", b"speed", "s" * 200], ids=["text", "bytes", "long"])
+def test_an_unknown_field_is_named(kind, name):
+    message = refusal(kind, msgpack.packb(body_of_sample(kind) | {name: 1.0}), MalformedMessage)
+    assert ("speed" in message) or ("s" * 80 in message)
+    assert len(message) < 500
+
+
+@KINDS
+def test_an_unknown_field_in_place_of_another_names_both(kind):
+    body = body_of_sample(kind)
+    body["speed"] = body.pop(kind.__slots__[-1])
+    message = refusal(kind, msgpack.packb(body), MalformedMessage)
+    assert "speed" in message
+    assert kind.__slots__[-1] in message
+
+
+@KINDS
+@pytest.mark.parametrize("version", [0, 2, -1, "1", None, True, 1.0])
+def test_another_version_is_refused_before_anything_else_is_looked_at(kind, version):
+    payload = msgpack.packb({**body_of_sample(kind), "v": version, "speed": 1.0})
+    assert f"version {version!r}," in refusal(kind, payload, WrongVersion)
+
+
+@KINDS
+def test_a_message_without_a_version_or_a_run_is_refused(kind):
+    for name, error in (("v", WrongVersion), ("run", WrongRun)):
+        body = body_of_sample(kind)
+        del body[name]
+        assert "None" in refusal(kind, msgpack.packb(body), error)
+
+
+@KINDS
+@pytest.mark.parametrize("run", ["g2", "G1", "", b"g1", 1, "g1" * 100])
+def test_another_run_is_refused(kind, run):
+    message = refusal(kind, msgpack.packb(body_of_sample(kind) | {"run": run}), WrongRun)
+    assert "'g1'" in message
+    assert len(message) < 300
+
+
+@KINDS
+def test_what_is_too_long_is_refused_unread(kind):
+    limit = BYTES_MAX[kind]
+    assert str(limit + 1) in refusal(kind, b"\xc1" * (limit + 1), OversizedMessage)
+    refusal(kind, b"\xc1" * limit, MalformedMessage)
+
+
+@KINDS
+def test_every_truncation_is_malformed(kind):
+    payload = encode(SAMPLES[kind], "g1")
+    for length in range(len(payload)):
+        refusal(kind, payload[:length], MalformedMessage)
+
+
+@KINDS
+def test_bytes_after_the_message_are_malformed(kind):
+    refusal(kind, encode(SAMPLES[kind], "g1") + b"\xc0", MalformedMessage)
+
+
+@KINDS
+@pytest.mark.parametrize(
+    "value", [None, 1, "text", b"bytes", [], [1, 2], 1.5, msgpack.Timestamp(0)]
+)
+def test_what_is_not_a_map_is_malformed(kind, value):
+    assert "not a map" in refusal(kind, msgpack.packb(value), MalformedMessage)
+
+
+@pytest.mark.parametrize("depth", [1, 200, 500, 900, 1000, 1020, 1024, 5000, 400_000])
+def test_deep_nesting_is_malformed(depth):
+    refusal(Observation, b"\x91" * depth + b"\xc0", MalformedMessage)
+
+
+@pytest.mark.parametrize("depth", [1, 200, 500, 900, 1000, 1020, 1024, 5000])
+def test_deep_nesting_inside_a_field_is_malformed_and_names_the_field(depth):
+    payload = encode(SAMPLES[Observation], "g1")
+    start = payload.index(b"scan") + 4
+    nested = payload[:start] + b"\x91" * depth + payload[start:]
+    message = refusal(Observation, nested, MalformedMessage)
+    assert "scan" in message or "not msgpack" in message
+
+
+@KINDS
+@FUZZ
+@given(st.binary(max_size=400))
+def test_random_bytes_raise_nothing_but_protocol_errors(kind, payload):
+    with pytest.raises(ProtocolError):
+        decode(kind, payload, "g1")
+
+
+@KINDS
+@FUZZ
+@given(st.data())
+def test_a_damaged_message_is_refused_or_is_a_message_that_can_be_sent_on(kind, data):
+    payload = bytearray(encode(SAMPLES[kind], "g1"))
+    for _ in range(data.draw(st.integers(1, 3))):
+        payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        message = decode(kind, bytes(payload), "g1")
+    except ProtocolError:
+        return
+    assert decode(kind, encode(message, "g1"), "g1") == message
