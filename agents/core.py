@@ -12,7 +12,7 @@ from dataclasses import replace
 from agents import brain
 from agents.strategies import strategy_named
 from protocol.codec import decode, decode_pose, encode
-from protocol.errors import MalformedMessage, OutOfTurn, ProtocolError, WrongSender
+from protocol.errors import MalformedMessage, OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key
 from protocol.messages import End, Observation, Setup
 from protocol.parameters import Parameters
@@ -48,7 +48,9 @@ class RobotCore:
             return []
 
     def _receive(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
-        _, robot, channel = parse_key(key)
+        run, robot, channel = parse_key(key)
+        if run != self.run:
+            raise WrongRun(f"key of run {run!r}, this is {self.run!r}")
         if robot != self.robot:
             raise WrongSender(f"meant for {robot}")
         if channel == "observation":

@@ -5,10 +5,13 @@ observation out and a pose and a command back, of the same sizes, over sessions 
 waiting inside Zenoh on both sides. Nothing is encoded, decoded, checked, decided or recorded.
 """
 
+import asyncio
 import json
 import subprocess
 import sys
 import time
+
+import zenoh
 
 from encircle.launch import free_endpoint
 from protocol.zenoh_link import ZenohLink
@@ -27,13 +30,32 @@ def robot(place: int, endpoint: str, pose_bytes: int, command_bytes: int) -> Non
     link.close()
 
 
-def world(robots: int, rounds: int, sizes: tuple[int, int, int]) -> dict[str, float]:
+async def asyncio_robot(place: int, endpoint: str, pose_bytes: int, command_bytes: int) -> None:
+    """The same with every message handed over to an event loop, for comparison."""
+    loop = asyncio.get_running_loop()
+    arrived: asyncio.Queue[bytes] = asyncio.Queue()
+    link = ZenohLink(endpoint, False, f"bare/robots/{place}/nothing")
+
+    def hand_over(sample: zenoh.Sample) -> None:
+        loop.call_soon_threadsafe(arrived.put_nowait, sample.payload.to_bytes())
+
+    callback = zenoh.handlers.Callback(hand_over, indirect=False)
+    link.session.declare_subscriber(f"bare/robots/{place}/observation", callback)
+    link.send(f"bare/robots/{place}/ready", b"ready")
+    pose, command = bytes(pose_bytes), bytes(command_bytes)
+    while await arrived.get():
+        link.send(f"bare/robots/{place}/pose", pose)
+        link.send(f"bare/robots/{place}/command", command)
+    link.close()
+
+
+def world(kind: str, robots: int, rounds: int, sizes: tuple[int, int, int]) -> dict[str, float]:
     """Run the barrier; returns rounds per second and the median round in microseconds."""
     endpoint = free_endpoint()
     link = ZenohLink(endpoint, True, "bare/robots/*/*")
     started = [
         subprocess.Popen(
-            [sys.executable, __file__, "robot", str(i), endpoint, str(sizes[1]), str(sizes[2])]
+            [sys.executable, __file__, kind, str(i), endpoint, str(sizes[1]), str(sizes[2])]
         )
         for i in range(robots)
     ]
@@ -57,8 +79,12 @@ def world(robots: int, rounds: int, sizes: tuple[int, int, int]) -> dict[str, fl
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "robot":
-        robot(int(sys.argv[2]), sys.argv[3], int(sys.argv[4]), int(sys.argv[5]))
+    role, *rest = sys.argv[1:]
+    if role == "world":
+        kind, *numbers = rest
+        n, rounds, *sizes = map(int, numbers)
+        print(json.dumps(world(kind, n, rounds, (sizes[0], sizes[1], sizes[2]))))
+    elif role == "robot":
+        robot(int(rest[0]), rest[1], int(rest[2]), int(rest[3]))
     else:
-        numbers = [int(argument) for argument in sys.argv[2:7]]
-        print(json.dumps(world(numbers[0], numbers[1], (numbers[2], numbers[3], numbers[4]))))
+        asyncio.run(asyncio_robot(int(rest[0]), rest[1], int(rest[2]), int(rest[3])))

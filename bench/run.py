@@ -57,10 +57,12 @@ def told(arguments: list[str], python: str = sys.executable) -> dict[str, float]
 def lock_step(robots: int, rounds: int, peers: str | None) -> dict[str, Any]:
     """(a) rounds per second of the hunt, of the bare barrier and of mango's."""
     sizes = message_sizes(robots)
-    hunts, bare, mango = [], [], []
+    hunts, bare, looped, mango = [], [], [], []
     for _ in range(TURNS):
         numbers = [str(n) for n in (robots, rounds, *sizes)]
-        bare.append(told([str(HERE / "barrier.py"), "world", *numbers])["rounds_per_s"])
+        barrier = [str(HERE / "barrier.py"), "world"]
+        bare.append(told([*barrier, "robot", *numbers])["rounds_per_s"])
+        looped.append(told([*barrier, "asyncio-robot", *numbers])["rounds_per_s"])
         with tempfile.TemporaryDirectory() as scratch:
             hunt = run(endless_hunt(robots, rounds), out=Path(scratch) / "run")
         hunts.append(hunt.result.ticks / hunt.timing["rounds_s"])
@@ -72,6 +74,7 @@ def lock_step(robots: int, rounds: int, peers: str | None) -> dict[str, Any]:
         "message_bytes": dict(zip(("observation", "pose", "command"), sizes, strict=True)),
         "hunt_rounds_per_s": median(hunts),
         "bare_rounds_per_s": median(bare),
+        "bare_asyncio_rounds_per_s": median(looped),
         "ratio_to_bare": median(h / b for h, b in zip(hunts, bare, strict=True)),
         "mango_rounds_per_s": median(mango) if mango else None,
         "ratio_to_mango": median(h / m for h, m in zip(hunts, mango, strict=True))

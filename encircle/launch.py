@@ -16,9 +16,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from world.result import Result
+from world.scenario import ScenarioError
 
 STOP_S_MAX = 3.0
 SILENCE_S_MAX = 6.0
+BAD_CONFIGURATION = 2
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """A robot's matrices are tiny; a pool of idle threads in every process only costs memory."""
 OUTPUT_LINE_BYTES_MAX = 1024 * 1024
@@ -170,6 +172,8 @@ class _Launch:
         if self.interrupted:
             raise RunFailed(f"stopped by {self.interrupted} at tick {self.tick}")
         if self.result is None:
+            if self.processes["world"].returncode == BAD_CONFIGURATION:
+                raise ScenarioError(self._first_failure())
             raise RunFailed(self._first_failure())
         timing = ("rounds_s", "joined_s", "begun_unix_s")
         extra = {key: self.result.pop(key) for key in timing}

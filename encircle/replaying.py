@@ -89,7 +89,9 @@ def read_recording(path: str | Path) -> Recording:
     try:
         scenario, seed, run = read_metadata(metadata)
     except (KeyError, ValueError):  # a scenario that does not load is a ValueError too
-        raise RecordingError(f"{file_path} is not a recording of this program, or its head is damaged") from None
+        raise RecordingError(
+            f"{file_path} is not a recording of this program, or its head is damaged"
+        ) from None
     return Recording(file_path, scenario, seed, run, tuple(messages), complete)
 
 

@@ -26,16 +26,16 @@ B = TypeVar("B")
 
 BYTES_MAX: dict[type[Any], int] = {
     Setup: 64 * 1024,
-    Observation: 1024 * 1024,
+    Observation: 4 * 1024 * 1024,
     Pose: 512,
     Command: 4 * 1024,
     End: 1024,
     State: 256 * 1024,
-    Radio: 256 * 1024,
+    Radio: 1024 * 1024,
 }
 TEXT_MAX = 256
 LIST_MAX = 256
-HEADER_BYTES = 9  # map size, "v", version, "run" and the size of a run's name below 32 letters
+HEADER_BYTES = 9  # map size, "v", version, "run", and the size of a name below 32 letters
 SHOWN_MAX = 80
 NUMBER_MAX = 1e9
 """Larger numbers are refused: squared and summed they must stay finite and keep their meaning."""
@@ -54,7 +54,7 @@ def encode(message: Message, run: str) -> bytes:
 
 
 def body_of(payload: bytes, run: str) -> bytes:
-    """The payload without its header (map size, version, run): what a digest covers."""
+    """A canonical payload without map size, version and run: what a digest covers."""
     return payload[HEADER_BYTES + len(run) :]
 
 
@@ -188,7 +188,7 @@ def _seen(value: Any) -> tuple[tuple[str, float, float], ...]:
     if type(value) is not tuple:
         raise ValueError("a list")
     for item in value:
-        if type(item) is not tuple or tuple(map(type, item)) != _SIGHTING:
+        if type(item) is not tuple or tuple(map(type, item)) != _SIGHTING or len(item[0]) > 32:
             return tuple([_sighting(sighting) for sighting in value])
         if not (-NUMBER_MAX < item[1] < NUMBER_MAX > item[2] > -NUMBER_MAX):
             raise ValueError("made of a robot's id and two numbers each")

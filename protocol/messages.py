@@ -104,8 +104,9 @@ class End:
 class State:
     """World to anyone who looks on: the truth at a tick.
 
-    ``robots``: N positions in robot order. ``headings_rad``: N headings. ``contacts``: pairs of
-    body names whose motion was cut short by touching since the last tick.
+    ``robots``: N positions in robot order. ``headings_rad``: the directions in which they last set
+    out. ``contacts``: pairs of body names whose motion was cut short by touching since the last
+    tick.
     """
 
     tick: int

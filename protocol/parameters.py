@@ -4,9 +4,10 @@ The others were chosen by measurement; ``docs/paper.md`` has the tables. The wor
 parameters in ``setup``; a robot refuses names it does not know.
 """
 
-from collections.abc import Mapping, Sequence
+import reprlib
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import isfinite, pi
+from math import pi
 from typing import Any
 
 XI_MAX = 100.0
@@ -73,22 +74,27 @@ class Parameters:
         """
         known: dict[str, Any] = {f.name: f.default for f in fields(cls)}
         problems = [
-            f"{name} = {values[name]!r}: unknown parameter" for name in values if name not in known
+            f"{name} = {shown(values[name])}: unknown parameter"
+            for name in values
+            if name not in known
         ]
         given: dict[str, Any] = {}
         for name, value in values.items():
             default = known.get(name)
             if isinstance(default, tuple):
-                if isinstance(value, Sequence) and all(map(_is_number, value)):
+                if isinstance(value, list | tuple | range) and all(map(_is_number, value)):
                     given[name] = tuple(float(v) for v in value)
                 else:
-                    problems.append(f"{name} = {value!r}: must be a list of numbers")
+                    problems.append(f"{name} = {shown(value)}: must be a list of numbers")
             elif isinstance(default, str):
-                given[name] = value
+                if isinstance(value, str):
+                    given[name] = value
+                else:
+                    problems.append(f"{name} = {shown(value)}: must be one of {_CHOICES[name]}")
             elif default is not None and not _is_number(value):
-                problems.append(f"{name} = {value!r}: must be a number")
+                problems.append(f"{name} = {shown(value)}: must be a number")
             elif isinstance(default, int) and value != int(value):
-                problems.append(f"{name} = {value!r}: must be a whole number")
+                problems.append(f"{name} = {shown(value)}: must be a whole number")
             elif default is not None:
                 given[name] = type(default)(value)
         if not problems:
@@ -104,7 +110,7 @@ class Parameters:
         for name, low, high in _RANGES:
             value = getattr(self, name)
             if not low <= value <= high:
-                found.append(f"{name} = {value!r}: must be from {low:g} to {high:g}")
+                found.append(f"{name} = {shown(value)}: must be from {low:g} to {high:g}")
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 found.append(f"{name} = {getattr(self, name)!r}: must be one of {choices}")
@@ -125,8 +131,11 @@ class Parameters:
         return found
 
 
+shown = reprlib.repr  # neither deep nor far, whatever a stranger sends
+
+
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12
 
 
 _RANGES = (

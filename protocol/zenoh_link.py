@@ -49,6 +49,11 @@ class ZenohLink:
             takes, zenoh.handlers.FifoChannel(INBOX_MAX), allowed_origin=zenoh.Locality.REMOTE
         )
 
+    @property
+    def session(self) -> zenoh.Session:
+        """The session itself, for what a link does not offer."""
+        return self._session
+
     def send(self, key: str, payload: bytes) -> None:
         """Publish; blocks while the transport is congested. ``LinkClosed`` after ``close``."""
         try:

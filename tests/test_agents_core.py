@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.core import RobotCore
-from protocol.codec import decode, encode
+from protocol.codec import BYTES_MAX, decode, encode
 from protocol.errors import OutOfTurn
 from protocol.keys import robot_key
 from protocol.messages import Command, End, Observation, Pose, Setup, State
@@ -168,7 +168,7 @@ def test_the_worlds_own_keys_are_refused():
 def test_refusals_are_told_apart_by_cause_and_reported_with_each_command():
     robot = Robot()
     robot.refuses("observation", encode(observation(), "g2"), "wrong-run")
-    robot.refuses("observation", b"\xc1" * 2_000_000, "oversized")
+    robot.refuses("observation", b"\xc1" * (BYTES_MAX[Observation] + 1), "oversized")
     robot.refuses("observation", b"\xc1", "malformed")
     robot.refuses("end", b"\x81\xa1v\x02", "wrong-version")
     robot.refuses("end", b"", "malformed")

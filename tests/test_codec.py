@@ -193,14 +193,17 @@ def test_encoding_is_that_of_plain_msgpack_in_field_order(message):
     assert encode(message, "g1") == msgpack.packb({"v": 1, "run": "g1", **fields})
 
 
+def fields_of(message):
+    """The message's fields in canonical order, packed one by one."""
+    names = type(message).__slots__
+    return b"".join(msgpack.packb(name) + msgpack.packb(getattr(message, name)) for name in names)
+
+
 @pytest.mark.parametrize("length", range(1, 32))
-@pytest.mark.parametrize("kind", SAMPLES, ids=lambda kind: kind.__name__)
-def test_body_is_exactly_the_fields_whatever_the_length_of_the_runs_name(kind, length):
-    message, run = SAMPLES[kind], "x" * length
-    fields = [
-        msgpack.packb(name) + msgpack.packb(getattr(message, name)) for name in kind.__slots__
-    ]
-    assert body_of(encode(message, run), run) == b"".join(fields)
+def test_body_is_exactly_the_fields_whatever_the_length_of_the_runs_name(length):
+    run = "x" * length
+    for message in SAMPLES.values():
+        assert body_of(encode(message, run), run) == fields_of(message)
 
 
 def test_whole_numbers_are_taken_where_numbers_are_wanted():

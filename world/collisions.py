@@ -13,6 +13,7 @@ it are moved apart by what is missing. Should all this not do in some knot, ``ke
 bodies that would overlap back to where they were.
 """
 
+from collections.abc import Iterable
 from math import hypot, sqrt
 
 import numpy as np
@@ -37,23 +38,40 @@ def move(
     ``gaps`` (B, B + O): free distance between surfaces, infinite on the diagonal.
     """
     count = len(steps)
-    lengths = np.sqrt((steps * steps).sum(axis=1))
-    reach = lengths[:, None] + SKIN_M
-    closing = gaps - reach
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    closing = gaps - (lengths[:, None] + SKIN_M)
     closing[:, :count] -= lengths
     moved = positions[:count] + steps
     if closing.min() > 0.0:
         return moved, []
-    pairs = [(i, k) for i, k in np.argwhere(closing <= 0.0).tolist() if i < k]
-    involved = sorted({i for pair in pairs for i in pair})
-    place = {i: positions[i].tolist() for i in involved}
-    motion = {i: steps[i].tolist() if i < count else [0.0, 0.0] for i in involved}
-    apart = {(i, k): float(radii[i] + radii[k]) + SKIN_M for i, k in pairs}
-    touched = _resolve(place, motion, apart, count)
-    for i in involved:
-        if i < count:
-            moved[i] = place[i]
-    return moved, touched
+    apart = {
+        (i, k): float(radii[i] + radii[k]) + SKIN_M
+        for i, k in np.argwhere(closing <= 0.0).tolist()
+        if i < k
+    }
+    touched: list[tuple[int, int]] = []
+    for knot in knots(apart):
+        involved = sorted({i for pair in knot for i in pair})
+        place = {i: positions[i].tolist() for i in involved}
+        motion = {i: steps[i].tolist() if i < count else [0.0, 0.0] for i in involved}
+        touched += _resolve(place, motion, {pair: apart[pair] for pair in knot}, count)
+        for i in involved:
+            if i < count:
+                moved[i] = place[i]
+    return moved, sorted(touched)
+
+
+def knots(pairs: Iterable[tuple[int, int]]) -> list[list[tuple[int, int]]]:
+    """The pairs, grouped so that no body is in two groups."""
+    groups: list[tuple[set[int], list[tuple[int, int]]]] = []
+    for pair in pairs:
+        joined, members = [pair], set(pair)
+        for group in [g for g in groups if g[0] & members]:
+            groups.remove(group)
+            members |= group[0]
+            joined = [*group[1], *joined]
+        groups.append((members, joined))
+    return [group for _, group in groups]
 
 
 def kept_apart(
@@ -84,6 +102,7 @@ def _resolve(
 ) -> list[tuple[int, int]]:
     """Advance ``place`` by ``motion`` over one tick, contact by contact; returns who touched."""
     left = 1.0
+    wanted = {i: tuple(step) for i, step in motion.items()}
     touched: set[tuple[int, int]] = set()
     sliding = ROUNDS_PER_PAIR_MAX * (len(apart) + 1)
     # Once the rounds of sliding are used up each further one stops a body that still moves.
@@ -101,7 +120,9 @@ def _resolve(
             break
         touched.add(first)
         if turn < sliding:
-            _stop_pressing(place, motion, first, _missing(place, first, apart[first]), moving)
+            _stop_pressing(
+                place, motion, wanted, first, _missing(place, first, apart[first]), moving
+            )
         else:
             for i in first:
                 motion[i] = [0.0, 0.0]
@@ -144,6 +165,7 @@ def _missing(place: dict[int, list[float]], pair: tuple[int, int], distance: flo
 def _stop_pressing(
     place: dict[int, list[float]],
     motion: dict[int, list[float]],
+    wanted: dict[int, tuple[float, ...]],
     pair: tuple[int, int],
     missing: float,
     moving: int,
@@ -157,10 +179,16 @@ def _stop_pressing(
     # One that gives way is followed at its pace; two that press on each other both stop.
     shared = away if away > 0.0 else towards if towards < 0.0 else 0.0
     back = missing / 2.0 if pair[1] < moving else missing
-    for velocity, along, after in (
-        (a, towards, min(towards, shared) - back),
-        (b, away, max(away, shared) + (missing - back)),
+    for i, along, after, restored in (
+        (pair[0], towards, min(towards, shared), -back),
+        (pair[1], away, max(away, shared), missing - back),
     ):
+        velocity = motion[i]
         if along != after:
             velocity[0] += (after - along) * nx
             velocity[1] += (after - along) * ny
+            if velocity[0] * wanted[i][0] + velocity[1] * wanted[i][1] < 0.0:
+                # In a notch one contact after the other would turn a body back. It stands.
+                velocity[0] = velocity[1] = 0.0
+        velocity[0] += restored * nx
+        velocity[1] += restored * ny

@@ -18,16 +18,28 @@ from numpy.typing import NDArray
 
 from protocol import VERSION
 from protocol.codec import Message, body_of, decode, decode_pose, encode
-from protocol.errors import OutOfTurn, ProtocolError, WrongSender
+from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.lockstep import LockStep, Move, Phase
-from protocol.messages import Command, End, Observation, Pose, Radio, Setup
+from protocol.messages import Command, End, Observation, Point, Pose, Radio, Setup
 from world import channel as radio
 from world import engine
 from world.result import Result
 
 Outgoing = list[tuple[str, bytes]]
 Record = Callable[[int, str, bytes], None]
+
+
+class _Answer:
+    """One robot's answer to one observation, as it comes in."""
+
+    __slots__ = ("canonical_command", "canonical_pose", "command", "packet", "step")
+
+    step: Point
+    packet: bytes
+    command: bytes
+    canonical_pose: bytes
+    canonical_command: bytes
 
 
 class WorldCore:
@@ -47,9 +59,8 @@ class WorldCore:
         self.ended: str | None = None
         self.refused: Counter[str] = Counter()
         self._log = log
-        self._record = record
-        self._poses: dict[str, bytes] = {}
-        self._commands: dict[str, tuple[Command, bytes]] = {}
+        self.record = record
+        self._answers: dict[str, _Answer] = {}
         self._unsettled: list[tuple[int, list[bytes], Outgoing]] = []
         self._digest = hashlib.blake2b(digest_size=16)
         self._encoded: Outgoing = []
@@ -108,19 +119,22 @@ class WorldCore:
         state = self.state
         if state.captured or state.tick >= self.arena.scenario.ticks_max:
             self.ended = "captured" if state.captured else "ticks"
-            self._keep(self._end_messages() if self._record else [])
+            self._keep(self._end_messages() if self.record else [])
             return []
         self.table.ask_all(state.tick)
         observations = engine.observe(self.arena, state)
-        if self._record is not None:
+        if self.record is not None:
             self._encoded = [self._encode(o.robot, "observation", o) for o in observations]
         self._keep(self._encoded)
         return observations
 
     def answer(self, pose: Pose, packet: bytes, command: Command, payload: bytes) -> None:
-        """Take one robot's answer, decoded and as bytes; ``OutOfTurn`` as in ``receive``."""
-        self._take_pose(pose, packet)
-        self._take_command(command, payload)
+        """Take one robot's answer, decoded and as canonical bytes; ``OutOfTurn`` as in ``receive``.
+
+        For hunts inside one process, whose own encoder has just made the bytes.
+        """
+        self._take_pose(pose, packet, packet)
+        self._take_command(command, payload, payload)
 
     def fail(self, reason: str) -> Outgoing:
         """End the run as failed; returns the messages that tell the robots."""
@@ -133,9 +147,9 @@ class WorldCore:
         for tick, digested, recorded in self._unsettled:
             for part in digested:
                 self._digest.update(part)
-            if self._record is not None:
+            if self.record is not None:
                 for key, payload in recorded:
-                    self._record(tick, key, payload)
+                    self.record(tick, key, payload)
         self._unsettled.clear()
 
     def result(self) -> Result:
@@ -163,25 +177,32 @@ class WorldCore:
         )
 
     def _receive(self, key: str, payload: bytes) -> None:
-        _, robot, channel = parse_key(key)
+        run, robot, channel = parse_key(key)
+        if run != self.run:
+            raise WrongRun(f"key of run {run!r}, this is {self.run!r}")
+        # Others may order their fields as they like; the digest is of the canonical bytes.
         if channel == "pose":
             pose = decode_pose(payload, self.run)
             _check_sender(robot, pose)
-            self._take_pose(pose, payload)
+            self._take_pose(pose, payload, encode(pose, self.run))
         elif channel == "command":
             command = decode(Command, payload, self.run)
             _check_sender(robot, command)
-            self._take_command(command, payload)
+            # What strangers sent to a robot must not change the digest of the run.
+            clean = replace(command, refused={}) if command.refused else command
+            self._take_command(command, payload, encode(clean, self.run))
         else:
             raise OutOfTurn(f"the world does not listen to {channel!r}")
 
-    def _take_pose(self, pose: Pose, packet: bytes) -> None:
+    def _take_pose(self, pose: Pose, packet: bytes, canonical: bytes) -> None:
         self.table.move(pose.robot, Move.POSE, pose.tick)
-        self._poses[pose.robot] = packet
+        answer = self._answers.setdefault(pose.robot, _Answer())
+        answer.packet, answer.canonical_pose = packet, canonical
 
-    def _take_command(self, command: Command, payload: bytes) -> None:
+    def _take_command(self, command: Command, payload: bytes, canonical: bytes) -> None:
         self.table.move(command.robot, Move.COMMAND, command.tick)
-        self._commands[command.robot] = (command, payload)
+        answer = self._answers.setdefault(command.robot, _Answer())
+        answer.step, answer.command, answer.canonical_command = command.step, payload, canonical
 
     def _encode(self, robot: str, channel: str, message: Message) -> tuple[str, bytes]:
         return robot_key(self.run, robot, channel), encode(message, self.run)
@@ -195,7 +216,7 @@ class WorldCore:
     def _keep(self, messages: Outgoing) -> None:
         """Note the truth at a tick, and the messages sent at it, for ``settle``."""
         state = self.state
-        if self._record is not None:
+        if self.record is not None:
             shown = encode(engine.truth(self.arena, state), self.run)
             messages = [(world_key(self.run, "state"), shown), *messages]
         truth = state.positions[: len(self.arena.ids) + 1].tobytes() + bytes([state.captured])
@@ -203,26 +224,24 @@ class WorldCore:
 
     def _advance(self) -> None:
         tick, ids = self.state.tick, self.arena.ids
-        steps = np.array([self._commands[robot][0].step for robot in ids])
-        packets = [self._poses[robot] for robot in ids]
+        answers = [self._answers[robot] for robot in ids]
+        steps = np.array([answer.step for answer in answers])
+        packets = [answer.packet for answer in answers]
         self.state, fates = engine.advance(self.arena, self.state, steps, packets)
         self._count(fates)
         digested, messages = [fates.tobytes()], []
-        for robot in ids:
-            command, payload = self._commands[robot]
-            # What strangers sent to a robot must not change the digest of the run.
-            clean = encode(replace(command, refused={}), self.run) if command.refused else payload
-            digested += [body_of(self._poses[robot], self.run), body_of(clean, self.run)]
-            messages.append((robot_key(self.run, robot, "pose"), self._poses[robot]))
-            messages.append((robot_key(self.run, robot, "command"), payload))
-        if self._record is not None:
+        for robot, answer in zip(ids, answers, strict=True):
+            digested.append(body_of(answer.canonical_pose, self.run))
+            digested.append(body_of(answer.canonical_command, self.run))
+            messages.append((robot_key(self.run, robot, "pose"), answer.packet))
+            messages.append((robot_key(self.run, robot, "command"), answer.command))
+        if self.record is not None:
             fate_rows = tuple(map(tuple, fates.tolist()))
             messages.append(
                 (world_key(self.run, "radio"), encode(Radio(tick, fate_rows), self.run))
             )
         self._unsettled.append((tick, digested, messages))
-        self._poses.clear()
-        self._commands.clear()
+        self._answers = {}
 
     def _count(self, fates: NDArray[np.int64]) -> None:
         self._packets_sent += len(self.arena.ids) * (len(self.arena.ids) - 1)

@@ -37,6 +37,6 @@ def unicycle(
 def holonomic_headings(
     headings: NDArray[np.float64], steps: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Headings (N,) of bodies that go any way at once: the direction of the last step made."""
+    """Headings (N,) of bodies that go any way at once: where they last set out to."""
     moving = (steps != 0.0).any(axis=1)
     return np.where(moving, np.arctan2(steps[:, 1], steps[:, 0]), headings)

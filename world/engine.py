@@ -137,10 +137,11 @@ def advance(
         headings = np.append(turned, dynamics.holonomic_headings(headings[count:], wanted[count:]))
     else:
         headings = dynamics.holonomic_headings(headings, wanted)
+    gaps = state.geometry.gaps
+    moved, contacts = collisions.move(state.positions, arena.radii, wanted, gaps)
     positions = state.positions.copy()
-    moved, contacts = collisions.move(positions, arena.radii, wanted, state.geometry.gaps)
     positions[: count + 1] = quantised(moved)
-    if contacts:
+    if gaps.min() < 2.0 * arena.step_m_max.max() + collisions.SKIN_M:
         positions = collisions.kept_apart(state.positions, positions, arena.radii, count + 1)
     for event in arena.scenario.events:
         if isinstance(event, MoveTarget) and event.tick == tick + 1:

@@ -96,7 +96,7 @@ class MoveTarget(_Model):
 
 
 class Silence(_Model):
-    """A robot's radio is off, both ways, from ``tick`` on for ``ticks`` ticks."""
+    """A robot's radio is off, both ways, for packets sent from ``tick`` on for ``ticks`` ticks."""
 
     kind: Literal["silence"]
     tick: Tick
@@ -225,14 +225,38 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
         scenario = Scenario.model_validate(tree)
     except ValidationError as error:
         lines = [
-            f"{'.'.join(str(part) for part in e['loc'] if part not in EVENT_KINDS)}"
-            f" = {_shown(e['input'])}: {_plain(e['msg'])}"
+            f"{'.'.join(_path(e['loc']))} = {_shown(e['input'])}: {_plain(e['msg'])}"
             for e in error.errors()
         ]
+        lines += _further_problems(tree, [_path(e["loc"]) for e in error.errors()])
         raise ScenarioError(_listed(name, lines)) from None
     if problems := scenario.problems():
         raise ScenarioError(_listed(name, problems))
     return scenario
+
+
+def _path(location: Sequence[str | int]) -> list[str]:
+    return [str(part) for part in location if part not in EVENT_KINDS]
+
+
+def _further_problems(tree: dict[str, Any], refused: list[list[str]]) -> list[str]:
+    """Contradictions elsewhere in a scenario some of whose values are refused already."""
+    rest = {key: value for key, value in tree.items() if [key] not in refused}
+    for path in refused:
+        table = rest.get(path[0])
+        if len(path) > 1 and isinstance(table, dict):
+            rest[path[0]] = {key: value for key, value in table.items() if key != path[1]}
+    try:
+        problems = Scenario.model_validate(rest).problems()
+    except ValidationError:
+        return []
+    touched = {".".join(path[:2]) for path in refused}
+    return [
+        line
+        for line in problems
+        # A value that was taken out may itself be what is missing now.
+        if "give either" not in line and not any(key in line for key in touched)
+    ]
 
 
 EVENT_KINDS = ("move-target", "silence")
@@ -279,7 +303,8 @@ def _override(tree: dict[str, Any], override: str) -> None:
             f"override {override!r}: must be key=value, as in target.step_m_max=0.39"
         )
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
+        parsed = tomllib.loads(f"value = {text}")
+        value = parsed["value"] if len(parsed) == 1 else text
     except tomllib.TOMLDecodeError:
         value = text
     *path, last = key.split(".")

@@ -161,6 +161,8 @@ async def run_world(
 
     ``parent``: end when standard input does, so that no world outlives the program that started it.
     """
+    # Built first: a team that cannot be placed leaves nothing behind.
+    core = WorldCore(arena, run, log)
     try:
         directory = create(out) if out else None
         link = await asyncio.to_thread(ZenohLink, endpoint, True, robot_key(run, "*", "*"))
@@ -168,7 +170,7 @@ async def run_world(
         say_error(f"world: {error}")
         return 1
     recorder = start_recording(directory, arena.scenario, run) if directory else None
-    core = WorldCore(arena, run, log, recorder.record if recorder else None)
+    core.record = recorder.record if recorder else None
     server = Server(arena, run, link, core, join_s_max)
     if parent:
         asyncio.get_running_loop().add_reader(
