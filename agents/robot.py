@@ -6,6 +6,7 @@ an asyncio loop from there costs half as much again as all the rest (``docs/arch
 """
 
 import asyncio
+import gc
 import signal
 from collections.abc import Callable
 from typing import Any
@@ -22,6 +23,8 @@ JOIN_S_MAX = 30.0
 
 def answer_rounds(core: RobotCore, link: Link) -> None:
     """Answer whatever comes until the run ends or the link is closed."""
+    # What was imported stays for good: collecting garbage need not look at it again and again.
+    gc.freeze()
     try:
         while core.ended is None:
             for key, payload in core.receive(*link.receive()):

@@ -10,6 +10,7 @@ import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any, TypeAlias, TypeVar
 
 import msgpack
@@ -45,17 +46,31 @@ _SIGHTING = (str, float, float)
 
 def encode(message: Message, run: str) -> bytes:
     """The message's canonical bytes, for the given run."""
-    body: dict[str, Any] = {"v": VERSION, "run": run}
-    for name in _FIELDS[type(message)]:
-        body[name] = getattr(message, name)
+    kind = type(message)
+    body = dict(zip(_NAMES[kind], (VERSION, run, *_VALUES[kind](message)), strict=True))
     payload: bytes = msgpack.packb(body)
     assert len(payload) <= BYTES_MAX[type(message)], f"{type(message).__name__} of {len(payload)} B"
     return payload
 
 
 def body_of(payload: bytes, run: str) -> bytes:
-    """A canonical payload without map size, version and run: what a digest covers."""
+    """The payload without map size, version and run: what a digest covers.
+
+    The payload must begin as ours do; see ``begins_canonically``.
+    """
     return payload[HEADER_BYTES + len(run) :]
+
+
+def begins_canonically(kind: type[Any], payload: bytes, run: str) -> bool:
+    """Whether version and run come first, in the shortest form: senders may do otherwise."""
+    return payload.startswith(_header(kind, run))  # type: ignore[arg-type]  # types are hashable
+
+
+@lru_cache(maxsize=64)
+def _header(kind: type[Any], run: str) -> bytes:
+    size = bytes([0x80 + len(_NAMES[kind])])  # a map of fewer than 16 fields
+    parts: list[bytes] = [msgpack.packb(part) for part in ("v", VERSION, "run", run)]
+    return size + b"".join(parts)
 
 
 @lru_cache(maxsize=4096)
@@ -85,25 +100,36 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
         )
     if body.get("run") != run:
         raise WrongRun(f"{kind.__name__} is for run {_shown(body.get('run'))}, this is {run!r}")
-    checks = _CHECKS[kind]
-    if len(body) != len(checks) + 2:
+    names, checks = _NAMES[kind], _CHECKS[kind]
+    if tuple(body) == names:
+        values = tuple(body.values())[2:]
+    elif len(body) == len(names) and all(name in body for name in names):
+        values = tuple([body[name] for name in names[2:]])
+    else:
         raise _wrong_fields(kind, body)
-    values: list[Any] = []
-    for name, check in checks:
+    try:
+        return kind(*[check(value) for check, value in zip(checks, values, strict=True)])
+    except (TypeError, ValueError):
+        raise _wrong_value(kind, body, values) from None
+
+
+def _wrong_value(
+    kind: type[Any], body: Mapping[str, Any], values: tuple[Any, ...]
+) -> MalformedMessage:
+    """The error that names the first field whose value is refused."""
+    for name, check, value in zip(_NAMES[kind][2:], _CHECKS[kind], values, strict=True):
         try:
-            values.append(check(body[name]))
-        except KeyError:
-            raise _wrong_fields(kind, body) from None
+            check(value)
         except (TypeError, ValueError) as error:
-            raise MalformedMessage(
+            return MalformedMessage(
                 f"{kind.__name__} from {_shown(body.get('robot', 'world'))}:"
-                f" {name} is {_shown(body[name])}, must be {error}"
-            ) from None
-    return kind(*values)
+                f" {name} is {_shown(value)}, must be {error}"
+            )
+    raise AssertionError(f"{kind.__name__}: no field is wrong")
 
 
 def _wrong_fields(kind: type[Any], body: Mapping[Any, Any]) -> MalformedMessage:
-    wanted = {"v", "run", *_FIELDS[kind]}
+    wanted = set(_NAMES[kind])
     missing = sorted(wanted - set(body))
     unknown = sorted(str(name)[:SHOWN_MAX] for name in set(body) - wanted)
     return MalformedMessage(f"{kind.__name__}: fields missing {missing}, unknown {unknown[:5]}")
@@ -266,13 +292,16 @@ _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "contacts": _many(_pair(_text, _text)),
     "fates": _many(_many(_integer)),
 }
-_FIELDS: dict[type[Any], tuple[str, ...]] = {
-    kind: tuple(f.name for f in fields(kind)) for kind in BYTES_MAX
+_NAMES: dict[type[Any], tuple[str, ...]] = {
+    kind: ("v", "run", *(f.name for f in fields(kind))) for kind in BYTES_MAX
 }
-_CHECKS: dict[type[Any], tuple[tuple[str, Callable[[Any], Any]], ...]] = {
+_VALUES: dict[type[Any], Callable[[Any], tuple[Any, ...]]] = {
+    kind: attrgetter(*names[2:]) for kind, names in _NAMES.items()
+}
+_CHECKS: dict[type[Any], tuple[Callable[[Any], Any], ...]] = {
     kind: tuple(
-        (name, _optional(_point) if (kind, name) == (Observation, "target") else _BY_NAME[name])
-        for name in names
+        _optional(_point) if (kind, name) == (Observation, "target") else _BY_NAME[name]
+        for name in names[2:]
     )
-    for kind, names in _FIELDS.items()
+    for kind, names in _NAMES.items()
 }

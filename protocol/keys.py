@@ -1,6 +1,7 @@
 """Keys of a run: ``encircle/{run}/robots/{id}/{channel}``, ``encircle/{run}/world/{channel}``."""
 
 import re
+from functools import lru_cache
 from typing import NamedTuple
 
 from protocol.errors import UnknownKey
@@ -37,6 +38,7 @@ def world_key(run: str, channel: str) -> str:
     return f"encircle/{run}/world/{channel}"
 
 
+@lru_cache(maxsize=1024)
 def parse_key(key: str) -> Key:
     """Take a key apart; raises ``UnknownKey`` for one that is not of the protocol."""
     match key.split("/"):

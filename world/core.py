@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol import VERSION
-from protocol.codec import Message, body_of, decode, decode_pose, encode
+from protocol.codec import Message, begins_canonically, body_of, decode, decode_pose, encode
 from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.lockstep import LockStep, Move, Phase
@@ -180,17 +180,18 @@ class WorldCore:
         run, robot, channel = parse_key(key)
         if run != self.run:
             raise WrongRun(f"key of run {run!r}, this is {self.run!r}")
-        # Others may order their fields as they like; the digest is of the canonical bytes.
         if channel == "pose":
             pose = decode_pose(payload, self.run)
             _check_sender(robot, pose)
-            self._take_pose(pose, payload, encode(pose, self.run))
+            self._take_pose(pose, payload, self._canonical(pose, payload))
         elif channel == "command":
             command = decode(Command, payload, self.run)
             _check_sender(robot, command)
             # What strangers sent to a robot must not change the digest of the run.
             clean = replace(command, refused={}) if command.refused else command
-            self._take_command(command, payload, encode(clean, self.run))
+            self._take_command(
+                command, payload, self._canonical(clean, b"" if command.refused else payload)
+            )
         else:
             raise OutOfTurn(f"the world does not listen to {channel!r}")
 
@@ -203,6 +204,12 @@ class WorldCore:
         self.table.move(command.robot, Move.COMMAND, command.tick)
         answer = self._answers.setdefault(command.robot, _Answer())
         answer.step, answer.command, answer.canonical_command = command.step, payload, canonical
+
+    def _canonical(self, message: Message, payload: bytes) -> bytes:
+        """Bytes for the digest: as sent, unless the run's name could not be cut off those."""
+        if begins_canonically(type(message), payload, self.run):
+            return payload
+        return encode(message, self.run)
 
     def _encode(self, robot: str, channel: str, message: Message) -> tuple[str, bytes]:
         return robot_key(self.run, robot, channel), encode(message, self.run)

@@ -6,6 +6,7 @@ rounds. Progress goes to standard output, one JSON object per line, for whoever 
 
 import asyncio
 import contextlib
+import gc
 import json
 import signal
 import sys
@@ -31,6 +32,8 @@ WATCH_PERIOD_S = 0.1
 
 def run_rounds(core: WorldCore, link: Link) -> None:
     """Run the hunt until it ends or the link is closed."""
+    # What was imported stays for good: collecting garbage need not look at it again and again.
+    gc.freeze()
     try:
         _send(link, core.begin())
         core.settle()
