@@ -93,7 +93,7 @@ def scan(
     reach = ahead - np.sqrt(np.maximum(half_squared, 0.0))
     reach[~hit] = np.inf
     # Pairs come sorted by row, so each row's pairs are one run.
-    starts = np.flatnonzero(np.diff(rows, prepend=-1))
+    starts = np.concatenate(([0], np.flatnonzero(rows[1:] != rows[:-1]) + 1))
     nearest = np.minimum.reduceat(reach, starts, axis=0)
     seen = rows[starts]
     result[seen] = np.minimum(result[seen], np.maximum(nearest, 0.0))
