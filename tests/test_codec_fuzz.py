@@ -13,8 +13,28 @@ POSE = Pose("r1", 7, 7, (1.5, -2.25), (0.5, 0.0), (3.0, 4.0), "encircle", 2.0, 1
 BARE = Pose("r2", 0, 0, (0.0, 0.0), (0.0, 0.0), None, "search", None, None)
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=400)
 ODD = st.sampled_from(
-    [None, True, -1, 0, 2**60, 1.5, float("nan"), float("inf"), 1e9, "", "x" * 300, b"", [], [1.0]]
-    + [[1.0, 2.0], [1, 2], [1.0, float("nan")], [1e300, 0.0], {}, {"x": 1}]
+    [
+        None,
+        True,
+        -1,
+        0,
+        2**60,
+        1.5,
+        float("nan"),
+        float("inf"),
+        1000000000.0,
+        "",
+        "x" * 300,
+        b"",
+        [],
+        [1.0],
+        [1.0, 2.0],
+        [1, 2],
+        [1.0, float("nan")],
+        [1e300, 0.0],
+        {},
+        {"x": 1},
+    ]
 )
 
 
