@@ -109,8 +109,8 @@ def step(
         choice.mode,
         choice.xi,
         choice.point,
-        choice.goal,
-        (estimate.x, estimate.y) if estimate else None,
+        (quantise_m(choice.goal[0]), quantise_m(choice.goal[1])),
+        (quantise_m(estimate.x), quantise_m(estimate.y)) if estimate else None,
         choice.predictor,
         tuple([role.team[place] for place in mates.members]),
     )

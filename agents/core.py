@@ -112,8 +112,10 @@ class RobotCore:
             except ProtocolError as error:
                 self._refuse("inbox", error)
         self._state, action = brain.step(self._state, observation, packets, self.role)
-        if self.refused:
-            counts = dict(sorted(self.refused.items()))
+        counts = dict(sorted(self.refused.items()))
+        if self._state.track.dropped:
+            counts["late-detection"] = self._state.track.dropped
+        if counts:
             return action._replace(command=replace(action.command, refused=counts))
         return action
 

@@ -85,7 +85,7 @@ def deviation(
 
 
 def turned(direction: tuple[float, float], angle_rad: float) -> tuple[float, float]:
-    """A direction turned counter-clockwise (Eq. 7)."""
+    """A direction turned counter-clockwise: Eq. 7 as printed, without a length of the step."""
     c, s = cos(angle_rad), sin(angle_rad)
     x, y = direction
     return c * x - s * y, s * x + c * y

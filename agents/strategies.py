@@ -112,8 +112,9 @@ def _shrink(view: View) -> Choice | None:
 def _close_in(view: View, deviation_rad: float) -> Point:
     """A step towards the target, turned by a deviation; none inwards at the stop distance.
 
-    The sideways part is at most half of what would put the robot midway between its neighbours:
-    Eq. 6-7 say nothing of step lengths, and full steps overshoot and swing for ever close by.
+    The sideways part is at most half of what would put the robot midway between its neighbours.
+    That matters only close by, where full steps would overshoot and swing for ever; Eq. 6-7 say
+    nothing of step lengths.
     """
     parameters = view.parameters
     x, y = view.positions[view.own]

@@ -114,9 +114,12 @@ def replay(path: str | Path) -> ReplayCheck:
             compared += 1
             if not _same(decided.pop((tick, robot, channel), None), payload, channel, run):
                 differences.append((tick, robot, channel))
-    # What was decided but not recorded: left out, unless the recording ends before it.
+    # What was decided but not recorded was left out, unless the recording ends before it: answers
+    # are recorded when a round is complete, and a cut may go through the last round.
     last = max((tick for tick, _, _ in recording.messages), default=0)
-    differences += [left for left in decided if recording.complete or left[0] < last]
+    answered = max((tick for tick, _, _ in recording.of_channel("command")), default=-1)
+    whole = answered if recording.complete else answered - 1
+    differences += [left for left in decided if left[0] <= whole]
     return ReplayCheck(
         last,
         len(cores),

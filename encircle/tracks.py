@@ -8,7 +8,8 @@ alone. What the robots planned is in their commands.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import pi
+from itertools import combinations
+from math import dist, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,14 +176,19 @@ def ring_centre(commands: Sequence[Command], radius_m: float) -> Point | None:
 
 
 def points_shared(recording: Recording) -> tuple[int, int]:
-    """Ticks at which two encircling robots went for the same point, and ticks with two or more."""
-    by_tick: dict[int, list[int]] = {}
+    """Ticks at which two encircling robots went for one place, and ticks with two or more.
+
+    Places are compared, not numbers of points: each robot counts from its own reference.
+    """
+    by_tick: dict[int, list[tuple[float, float]]] = {}
     for tick, _, payload in recording.of_channel("command"):
         command = decode(Command, payload, recording.run)
-        if command.point is not None:
-            by_tick.setdefault(tick, []).append(command.point)
-    several = [points for points in by_tick.values() if len(points) > 1]
-    return sum(len(set(points)) < len(points) for points in several), len(several)
+        if command.point is not None and command.goal is not None:
+            by_tick.setdefault(tick, []).append(command.goal)
+    several = [goals for goals in by_tick.values() if len(goals) > 1]
+    apart_m = 2.0 * recording.scenario.team.radius_m
+    shared = sum(any(dist(a, b) < apart_m for a, b in combinations(g, 2)) for g in several)
+    return shared, len(several)
 
 
 def estimates_agree(recording: Recording, tracks: Tracks, tick: int, within_m: float) -> int | None:

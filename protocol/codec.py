@@ -54,10 +54,16 @@ _POSE_TYPES = frozenset(
 
 def encode(message: Message, run: str) -> bytes:
     """The message's canonical bytes, for the given run."""
+    payload = packed(message, run)
+    assert len(payload) <= BYTES_MAX[type(message)], f"{type(message).__name__} of {len(payload)} B"
+    return payload
+
+
+def packed(message: Message, run: str) -> bytes:
+    """As ``encode``, of any length: a message that came in otherwise packed may grow."""
     kind = type(message)
     body = dict(zip(_NAMES[kind], (VERSION, run, *_VALUES[kind](message)), strict=True))
     payload: bytes = msgpack.packb(body)
-    assert len(payload) <= BYTES_MAX[type(message)], f"{type(message).__name__} of {len(payload)} B"
     return payload
 
 

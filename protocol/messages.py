@@ -1,8 +1,8 @@
 """The messages, as frozen values. Units: metres, seconds, radians; velocities in m/s.
 
-Every length that crosses the wire is a whole multiple of ``QUANTUM_M`` (2**-20 m, about a micron).
-That is finer than any sensor and coarser than floating-point noise, so that a last-bit difference
-between two machines' mathematical libraries does not grow into a different run.
+Every position and step that crosses the wire is a whole multiple of ``QUANTUM_M`` (2**-20 m, about
+a micron). That is finer than any sensor and coarser than floating-point noise, so that a last-bit
+difference between two machines' mathematical libraries does not grow into a different run.
 """
 
 from collections.abc import Mapping
@@ -75,7 +75,8 @@ class Command:
 
     ``estimate`` is its estimate of the target's position, ``goal`` the point it heads for,
     ``team`` the robots it planned with, ``predictor`` what made the prediction (``spline``,
-    ``velocity`` or ``hold``), ``refused`` how many messages it has refused so far, by cause.
+    ``velocity`` or ``hold``), ``refused`` how many messages it has refused so far by cause,
+    and under ``late-detection`` how many detections came too late for its filter's window.
     """
 
     robot: str

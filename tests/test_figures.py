@@ -1,5 +1,6 @@
 """Figures and the tracks they show: what is drawn, where it stands, and when runs are cut off."""
 
+from itertools import combinations
 from math import cos, dist, hypot, inf, pi, sin
 
 import numpy as np
@@ -300,11 +301,14 @@ def test_facts_from_commands(runs):
         assert (max(off) <= 0.5) == (tick == caught_up)
     shared, ticks = points_shared(recording)
     encircling = [
-        [c.point for c in commands_at(recording, t) if c.mode == "encircle"]
+        [c.goal for c in commands_at(recording, t) if c.mode == "encircle"]
         for t in range(tracks.last_tick)
     ]
-    assert ticks == sum(len(points) >= 2 for points in encircling)
-    assert shared == sum(len(points) > len(set(points)) for points in encircling)
+    assert ticks == sum(len(goals) >= 2 for goals in encircling)
+    assert shared == sum(
+        min((dist(a, b) for a, b in combinations(goals, 2)), default=9.0) < 1.0
+        for goals in encircling
+    )
 
 
 def test_headings_and_first_sight(runs):

@@ -223,11 +223,11 @@ def test_in_simulation_5_all_four_policies_fulfil_the_task(strategy, x):
 
 
 GOLDEN = {
-    "sim1": "8e3fd76cd670679c9c26640d85757647",
-    "sim2": "eb42337823ae82d9371c98e21c3433e1",
-    "sim3": "00aad094f2f476ca7e2e619b82328d9c",
-    "sim4": "7dc92454ddf60edd1bf5ea7889b8acdd",
-    "sim5": "077bfd4dbf11b80dea7fc505da2b9b09",
+    "sim1": "260dfe239cd3be6e803db5a60ad14eab",
+    "sim2": "a2f8e77f12c57fb6643f4f94788e78e7",
+    "sim3": "2d09a46ea10cde20678734ad4d77fe14",
+    "sim4": "000c63620673f6e2e95b7cbf765d6d6b",
+    "sim5": "d56ac07c83e065c5369ad31c570a3e04",
 }
 
 

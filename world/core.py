@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol import VERSION
-from protocol.codec import Message, begins_canonically, body_of, decode, decode_pose, encode
+from protocol.codec import Message, begins_canonically, body_of, decode, decode_pose, encode, packed
 from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.lockstep import LockStep, Move, Phase
@@ -43,7 +43,11 @@ class _Answer:
 
 
 class WorldCore:
-    """The protocol around one arena. ``ended`` holds the reason once the run is over."""
+    """The protocol around one arena. ``ended`` holds the reason once the run is over.
+
+    ``record`` gets every message of the run; ``shows`` says whether ``settle`` returns the state at
+    every tick, for viewers.
+    """
 
     def __init__(
         self,
@@ -60,6 +64,8 @@ class WorldCore:
         self.refused: Counter[str] = Counter()
         self._log = log
         self.record = record
+        self.shows = False
+        self._state_key = world_key(run, "state")
         self._answers: dict[str, _Answer] = {}
         self._unsettled: list[tuple[int, list[bytes], Outgoing]] = []
         self._digest = hashlib.blake2b(digest_size=16)
@@ -99,12 +105,16 @@ class WorldCore:
         try:
             self._receive(key, payload)
         except ProtocolError as error:
-            self.refused[error.cause] += 1
-            self._log(f"world refused a message on {key}: {error}")
+            self.refuse(key, error)
             return []
         if self.ended is not None or not self.table.complete:
             return []
         return self._sent(self.ask())
+
+    def refuse(self, key: str, error: ProtocolError) -> None:
+        """Count and log something that was refused."""
+        self.refused[error.cause] += 1
+        self._log(f"world refused a message on {key}: {error}")
 
     def ask(self) -> list[Observation]:
         """Finish the round that everyone has answered, if any, and open the next one.
@@ -142,15 +152,19 @@ class WorldCore:
             self.ended = f"failed: {reason}"
         return self._end_messages()
 
-    def settle(self) -> None:
-        """Digest and record what has happened since the last call."""
+    def settle(self) -> Outgoing:
+        """Digest and record what has happened since the last call; returns states for viewers."""
+        shown: Outgoing = []
         for tick, digested, recorded in self._unsettled:
             for part in digested:
                 self._digest.update(part)
-            if self.record is not None:
-                for key, payload in recorded:
+            for key, payload in recorded:
+                if self.record is not None:
                     self.record(tick, key, payload)
+                if key == self._state_key:
+                    shown.append((key, payload))
         self._unsettled.clear()
+        return shown
 
     def result(self) -> Result:
         """What came of the run, so far if it has not ended."""
@@ -209,7 +223,7 @@ class WorldCore:
         """Bytes for the digest: as sent, unless the run's name could not be cut off those."""
         if begins_canonically(type(message), payload, self.run):
             return payload
-        return encode(message, self.run)
+        return packed(message, self.run)
 
     def _encode(self, robot: str, channel: str, message: Message) -> tuple[str, bytes]:
         return robot_key(self.run, robot, channel), encode(message, self.run)
@@ -223,9 +237,9 @@ class WorldCore:
     def _keep(self, messages: Outgoing) -> None:
         """Note the truth at a tick, and the messages sent at it, for ``settle``."""
         state = self.state
-        if self.record is not None:
+        if self.record is not None or self.shows:
             shown = encode(engine.truth(self.arena, state), self.run)
-            messages = [(world_key(self.run, "state"), shown), *messages]
+            messages = [(self._state_key, shown), *messages]
         truth = state.positions[: len(self.arena.ids) + 1].tobytes() + bytes([state.captured])
         self._unsettled.append((state.tick, [truth], messages))
 

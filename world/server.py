@@ -36,12 +36,12 @@ def run_rounds(core: WorldCore, link: Link) -> None:
     gc.freeze()
     try:
         _send(link, core.begin())
-        core.settle()
+        _send(link, core.settle())
         while core.ended is None:
             outgoing = core.receive(*link.receive())
             if outgoing:
                 _send(link, outgoing)
-                core.settle()
+                _send(link, core.settle())
     except LinkClosed:
         pass
 
@@ -142,7 +142,7 @@ class Server:
             elif robot in self.arena.ids and self.core.ended is None:
                 self.stop(f"robot {robot} is gone at tick {self.core.state.tick}")
         except ProtocolError as error:
-            say_error(f"world refused {key}: {error}")
+            self.core.refuse(key, error)
         if self.core.everyone_joined:
             self._everyone.set()
 
@@ -174,6 +174,7 @@ async def run_world(
         return 1
     recorder = start_recording(directory, arena.scenario, run) if directory else None
     core.record = recorder.record if recorder else None
+    core.shows = True
     server = Server(arena, run, link, core, join_s_max)
     if parent:
         asyncio.get_running_loop().add_reader(
