@@ -43,6 +43,8 @@ NUMBER_MAX = 1e9
 """Larger numbers are refused: squared and summed they must stay finite and keep their meaning."""
 _FLOAT, _STR, _BYTES, _NUMBERS = {float}, {str}, {bytes}, {float, int}
 _SIGHTING = (str, float, float)
+OPENED_MAX = 4096
+_opened: dict[tuple[bytes, str], Pose] = {}
 _NONE = type(None)
 _POSE_TYPES = frozenset(
     (int, str, str, int, int, tuple, tuple, detection, str, xi, point)
@@ -87,13 +89,23 @@ def _header(kind: type[Any], run: str) -> bytes:
     return size + b"".join(parts)
 
 
-@lru_cache(maxsize=4096)
 def decode_pose(payload: bytes, run: str) -> Pose:
     """As ``decode(Pose, ...)``, remembered: one packet has many receivers in one process.
 
     A robot opens one packet per peer and tick, so a packet just like ours takes a short way.
     """
-    return _plain_pose(payload, run) or decode(Pose, payload, run)
+    pose = _opened.get((payload, run))
+    if pose is None:
+        pose = _plain_pose(payload, run) or decode(Pose, payload, run)
+        remember_pose(pose, payload, run)
+    return pose
+
+
+def remember_pose(pose: Pose, payload: bytes, run: str) -> None:
+    """Spare this process the decoding of what it has just encoded."""
+    if len(_opened) >= OPENED_MAX:
+        _opened.clear()
+    _opened[payload, run] = pose
 
 
 def _plain_pose(payload: bytes, run: str) -> Pose | None:
