@@ -87,7 +87,8 @@ class Display:
         if result.refused:
             refused = ", ".join(f"{n} {cause}" for cause, n in result.refused.items())
             table.add_row("messages refused", refused)
-        table.add_row("processes", f"{hunt.processes} over {hunt.link}")
+        where = f"{hunt.processes} over Zenoh" if hunt.link == "zenoh" else "1, all in memory"
+        table.add_row("processes", where)
         table.add_row("seed, digest", f"{hunt.seed}, {result.digest}")
         table.add_row("recording", str(directory / "recording.mcap"))
         table.add_row("figure", str(figure))
