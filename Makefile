@@ -2,14 +2,14 @@
 # make hunt    set up, then four robot processes and a world hunt a target over Zenoh
 # make test    set up, then the tests
 # make check   style, types and import contracts
-# make bench   every figure that the documentation quotes
+# make bench   the speeds that the README quotes
 
 PYTHON ?= python3
 VENV := .venv
 BENCH_VENV := .venv-bench
 READY := $(VENV)/.ready
 
-.PHONY: setup hunt test nightly check bench clean
+.PHONY: setup hunt test check bench clean
 
 setup: $(READY)
 
@@ -26,9 +26,6 @@ hunt: setup
 
 test: setup
 	$(VENV)/bin/python -m pytest
-
-nightly: setup
-	$(VENV)/bin/python -m pytest -m nightly
 
 check: setup
 	$(VENV)/bin/ruff format --check .

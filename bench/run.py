@@ -1,4 +1,4 @@
-"""``make bench``: every figure that the documentation quotes, as a table and as JSON.
+"""``make bench``: the speeds that the README quotes, as tables and as JSON.
 
 Ratios are taken within one run, in turns, so that both sides meet the same machine. Nothing else
 should be running: with more than two busy processes on two cores the figures mean little.
@@ -181,7 +181,7 @@ def shown(value: Any) -> str:
 
 def main() -> None:
     """Measure everything, print the tables, write the JSON."""
-    parser = argparse.ArgumentParser(description="Measure what the documentation quotes.")
+    parser = argparse.ArgumentParser(description="Measure what the README quotes.")
     parser.add_argument("--json", type=Path, default=Path("bench/results.json"))
     parser.add_argument("--peers", help="a Python that has mango-agents and mpe2, to compare with")
     parser.add_argument("--quick", action="store_true", help="small numbers, to see that it works")
