@@ -53,9 +53,12 @@ class BrainState(NamedTuple):
 
 
 class Action(NamedTuple):
-    """What one step of the brain gives away: a packet for its peers, a command for its body."""
+    """What one step of the brain gives away: a packet for its peers, a command for its body.
 
-    pose: Pose
+    ``pose`` is None at a tick at which the robot publishes nothing.
+    """
+
+    pose: Pose | None
     command: Command
 
 

@@ -55,10 +55,10 @@ class RobotCore:
             raise WrongSender(f"meant for {robot}")
         if channel == "observation":
             action = self.decide(decode(Observation, payload, self.run))
-            return [
-                (self._pose_key, encode(action.pose, self.run)),
-                (self._command_key, encode(action.command, self.run)),
-            ]
+            said = (self._command_key, encode(action.command, self.run))
+            if action.pose is None:
+                return [said]
+            return [(self._pose_key, encode(action.pose, self.run)), said]
         if channel == "setup":
             self._set_up(decode(Setup, payload, self.run))
         elif channel == "end":

@@ -47,8 +47,9 @@ def _run(
     while asked := world.ask():
         for core, observation in zip(robots.values(), asked, strict=True):
             pose, command = core.decide(observation)
-            packet = encode(pose, run)
-            remember_pose(pose, packet, run)
+            packet = b"" if pose is None else encode(pose, run)
+            if pose is not None:
+                remember_pose(pose, packet, run)
             world.answer(pose, packet, command, encode(command, run))
         world.settle()
         if progress is not None:

@@ -28,7 +28,7 @@ B = TypeVar("B")
 BYTES_MAX: dict[type[Any], int] = {
     Setup: 64 * 1024,
     Observation: 4 * 1024 * 1024,
-    Pose: 512,
+    Pose: 2048,
     Command: 4 * 1024,
     End: 1024,
     State: 256 * 1024,
@@ -36,6 +36,7 @@ BYTES_MAX: dict[type[Any], int] = {
 }
 TEXT_MAX = 256
 LIST_MAX = 256
+RELAYED_MAX = 16
 HEADER_BYTES = 9  # map size, "v", version, "run", and the size of a name below 32 letters
 SHOWN_MAX = 80
 COUNT_MAX = 2**53 - 1
@@ -47,7 +48,7 @@ OPENED_MAX = 4096
 _opened: dict[tuple[bytes, str], Pose] = {}
 _NONE = type(None)
 _POSE_TYPES = frozenset(
-    (int, str, str, int, int, tuple, tuple, detection, str, xi, point)
+    (int, str, str, int, int, tuple, tuple, detection, str, xi, point, tuple)
     for detection in (tuple, _NONE)
     for xi in (float, _NONE)
     for point in (int, _NONE)
@@ -119,9 +120,9 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
     if tuple(body) != _NAMES[Pose]:
         return None
     values = tuple(body.values())
-    _, _, robot, tick, sequence, position, velocity, detection, mode, xi, point = values
-    if tuple(map(type, values)) not in _POSE_TYPES:
+    if tuple(map(type, values)) not in _POSE_TYPES or values[-1]:
         return None
+    _, _, robot, tick, sequence, position, velocity, detection, mode, xi, point, _ = values
     numbers = position + velocity + (detection or ()) + (() if xi is None else (xi,))
     if (
         len(position) == len(velocity) == 2
@@ -287,6 +288,19 @@ def _sighting(value: Any) -> tuple[str, float, float]:
     return _text(value[0]), _number(value[1]), _number(value[2])
 
 
+def _relayed(value: Any) -> tuple[tuple[str, int, float, float], ...]:
+    if type(value) is not tuple or len(value) > RELAYED_MAX:
+        raise ValueError(f"a list of at most {RELAYED_MAX}")
+    return tuple([_report(report) for report in value])
+
+
+def _report(value: Any) -> tuple[str, int, float, float]:
+    if type(value) is not tuple or len(value) != 4:
+        raise ValueError("made of a robot's id, a tick and two numbers each")
+    origin, tick, x, y = value
+    return _text(origin), _count(tick), _number(x), _number(y)
+
+
 def _parameters(value: Any) -> dict[str, Any]:
     if type(value) is dict and all(type(name) is str for name in value):
         return value
@@ -345,12 +359,15 @@ _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "point": _optional(_count),
     "predictor": _optional(_text),
     "team": _texts,
+    "relayed": _relayed,
+    "published": _truth,
     "refused": _counts,
     "reason": _text,
     "robots": _many(_point),
     "captured": _truth,
     "contacts": _many(_pair(_text, _text)),
     "fates": _many(_many(_integer)),
+    "copies": _many(_many(_integer)),
 }
 _NAMES: dict[type[Any], tuple[str, ...]] = {
     kind: ("v", "run", *(f.name for f in fields(kind))) for kind in BYTES_MAX

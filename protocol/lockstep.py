@@ -1,8 +1,9 @@
 """The lock-step table: who may say what, and when a round is complete. Sans I/O.
 
 The world asks every robot (an observation), and each answers with exactly one pose and one command
-for that tick, in either order. The legal moves of one robot are the table below; whatever else
-arrives is out of turn. A round is complete when no robot is asked or half-answered any more.
+for that tick, in either order, or with a command alone that says that no pose comes. The legal
+moves of one robot are the table below; whatever else arrives is out of turn. A round is complete
+when no robot is asked or half-answered any more.
 """
 
 from collections.abc import Sequence
@@ -29,6 +30,7 @@ class Move(Enum):
     ASK = "ask"
     POSE = "pose"
     COMMAND = "command"
+    COMMAND_ALONE = "command alone"
     LEAVE = "leave"
 
 
@@ -37,6 +39,7 @@ TABLE: dict[tuple[Phase, Move], Phase] = {
     (Phase.IDLE, Move.ASK): Phase.ASKED,
     (Phase.ASKED, Move.POSE): Phase.POSED,
     (Phase.ASKED, Move.COMMAND): Phase.COMMANDED,
+    (Phase.ASKED, Move.COMMAND_ALONE): Phase.IDLE,
     (Phase.POSED, Move.COMMAND): Phase.IDLE,
     (Phase.COMMANDED, Move.POSE): Phase.IDLE,
     (Phase.IDLE, Move.LEAVE): Phase.LEFT,

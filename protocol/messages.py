@@ -56,7 +56,11 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Robot to its peers, by radio: where it is, what it saw of the target, what it is up to."""
+    """Robot to its peers, by radio: where it is, what it saw of the target, what it is up to.
+
+    ``detection`` is the sender's own, of this tick. ``relayed`` passes on what others detected,
+    each as ``(origin, tick, x, y)``, so that a detection can take a way round a bad link.
+    """
 
     robot: str
     tick: int
@@ -67,6 +71,7 @@ class Pose:
     mode: str
     xi: float | None
     point: int | None
+    relayed: tuple[tuple[str, int, float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +82,8 @@ class Command:
     ``team`` the robots it planned with, ``predictor`` what made the prediction (``spline``,
     ``velocity`` or ``hold``), ``refused`` how many messages it has refused so far by cause,
     and under ``late-detection`` how many detections came too late for its filter's window.
+    ``published`` tells whether the robot sends its peers a pose at this tick; if not, the command
+    alone is its answer.
     """
 
     robot: str
@@ -89,6 +96,7 @@ class Command:
     estimate: Point | None
     predictor: str | None
     team: tuple[str, ...]
+    published: bool = True
     refused: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -123,8 +131,11 @@ class Radio:
     """World to recorders: the fate of each packet sent at a tick.
 
     ``fates[sender][receiver]`` is the tick at which the packet will be delivered, or minus a cause
-    code (``world.channel.CAUSES``) if it is lost; 0 where there was no packet.
+    code (``world.channel.CAUSES``) if it is lost; 0 where there was no packet. ``copies``,
+    likewise, are the ticks at which duplicates made by the radio will be delivered; empty if there
+    are none.
     """
 
     tick: int
     fates: tuple[tuple[int, ...], ...]
+    copies: tuple[tuple[int, ...], ...] = ()

@@ -23,7 +23,7 @@ def fates_of(chan, ticks):
     state, found = radio.initial(chan), []
     for tick in range(ticks):
         state, _ = radio.deliver(state, tick)
-        state, fates = radio.transmit(chan, state, tick)
+        state, (fates, _) = radio.transmit(chan, state, radio.Sending(tick))
         found.append(fates)
     return np.array(found)
 

@@ -28,7 +28,9 @@ def flown(chan, ticks, silent=None):
     for tick in range(ticks):
         state, due = radio.deliver(state, tick)
         delivered.append(due)
-        state, fate = radio.transmit(chan, state, tick, silent(tick) if silent else None)
+        state, (fate, _) = radio.transmit(
+            chan, state, radio.Sending(tick, silent=silent(tick) if silent else None)
+        )
         fates.append(fate)
     return np.array(fates), delivered
 
@@ -203,7 +205,7 @@ def test_every_packet_is_delivered_or_lost_or_on_its_way_at_every_tick(changes, 
                 assert waiting.pop((sent_tick, sender, receiver)) == tick
                 arrived += 1
         assert tick not in waiting.values()
-        state, fates = radio.transmit(chan, state, tick)
+        state, (fates, _) = radio.transmit(chan, state, radio.Sending(tick))
         for sender, receiver in np.argwhere(fates > 0).tolist():
             waiting[tick, sender, receiver] = int(fates[sender, receiver])
         lost += int((fates < 0).sum())
@@ -216,8 +218,8 @@ def test_sending_and_delivering_leave_the_state_they_were_given_as_it_was():
     state = radio.initial(chan)
     for tick in range(10):
         before = frozen(state)
-        after, _ = radio.transmit(chan, radio.deliver(state, tick)[0], tick)
-        radio.transmit(chan, state, tick)
+        after, _ = radio.transmit(chan, radio.deliver(state, tick)[0], radio.Sending(tick))
+        radio.transmit(chan, state, radio.Sending(tick))
         assert frozen(state) == before
         state = after
 

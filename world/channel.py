@@ -39,6 +39,8 @@ class Channel(NamedTuple):
     drawn: tuple[tuple[NDArray[np.bool_], Callable[[Floats], Floats]], ...]
     tick_s: float
     in_order: bool
+    rated: bool = False
+    """Whether the size of packets matters."""
 
 
 class Burst(NamedTuple):
@@ -55,6 +57,29 @@ class Flight(NamedTuple):
 
     sent_tick: int
     links: NDArray[np.bool_]
+
+
+class Sending(NamedTuple):
+    """What the robots put on the radio at a tick.
+
+    ``sizes_bytes``: (N,) of each robot's packet, 0 where there is none; None if all send and size
+    does not matter. ``distances_m``: (N, N) between robots. ``silent``: (N,) whose radio is off.
+    """
+
+    tick: int
+    sizes_bytes: NDArray[np.int64] | None = None
+    distances_m: Floats | None = None
+    silent: NDArray[np.bool_] | None = None
+
+
+class Fates(NamedTuple):
+    """What becomes of a tick's packets: ``due`` and ``copies`` as in ``protocol.messages.Radio``.
+
+    ``copies`` is None where the radio makes none.
+    """
+
+    due: NDArray[np.int64]
+    copies: NDArray[np.int64] | None
 
 
 class ChannelState(NamedTuple):
@@ -144,14 +169,9 @@ def initial(channel: Channel) -> ChannelState:
     return ChannelState(bad, last, {})
 
 
-def transmit(
-    channel: Channel, state: ChannelState, tick: int, silent: NDArray[np.bool_] | None = None
-) -> tuple[ChannelState, NDArray[np.int64]]:
-    """Put every robot's packet of a tick on the radio.
-
-    ``silent``: (N,) robots whose radio is off. Returns the fates (N, N) as in
-    ``protocol.messages.Radio``: the due tick, or minus the code of the cause of its loss.
-    """
+def transmit(channel: Channel, state: ChannelState, sending: Sending) -> tuple[ChannelState, Fates]:
+    """Put every robot's packet of a tick on the radio."""
+    tick, silent = sending.tick, sending.silent
     cause = np.zeros((channel.robots, channel.robots), np.int64)
     bad = state.bad
     if channel.loss is not None:
@@ -175,7 +195,9 @@ def transmit(
         last = np.where(cause == 0, due, last)
     fates = np.where(cause == 0, due, -cause)
     fates[np.diag_indices(channel.robots)] = 0
-    return ChannelState(bad, last, _launched(state.flights, fates, tick)), fates
+    if sending.sizes_bytes is not None:
+        fates[sending.sizes_bytes == 0] = 0
+    return ChannelState(bad, last, _launched(state.flights, fates, tick)), Fates(fates, None)
 
 
 def deliver(state: ChannelState, tick: int) -> tuple[ChannelState, tuple[Flight, ...]]:

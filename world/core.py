@@ -31,15 +31,18 @@ Record = Callable[[int, str, bytes], None]
 
 
 class _Answer:
-    """One robot's answer to one observation, as it comes in."""
+    """One robot's answer to one observation, as it comes in; ``packet`` stays None without one."""
 
     __slots__ = ("canonical_command", "canonical_pose", "command", "packet", "step")
 
     step: Point
-    packet: bytes
+    packet: bytes | None
     command: bytes
     canonical_pose: bytes
     canonical_command: bytes
+
+    def __init__(self) -> None:
+        self.packet = None
 
 
 class WorldCore:
@@ -70,11 +73,14 @@ class WorldCore:
         self._unsettled: list[tuple[int, list[bytes], Outgoing]] = []
         self._digest = hashlib.blake2b(digest_size=16)
         self._encoded: Outgoing = []
+        self.fates: radio.Fates | None = None
         self._packets_sent = 0
+        self._packets_copied = 0
         self._lost: Counter[int] = Counter()
         self._contacts = 0
+        # Without what is at its default: keys that a later version adds change no digest.
         configuration = arena.scenario.model_dump(
-            mode="json", exclude={"title", "description", "seed"}
+            mode="json", exclude={"title", "description", "seed"}, exclude_defaults=True
         )
         header = {"version": VERSION, "seed": arena.seed, "scenario": configuration}
         self._digest.update(json.dumps(header, sort_keys=True).encode())
@@ -138,12 +144,13 @@ class WorldCore:
         self._keep(self._encoded)
         return observations
 
-    def answer(self, pose: Pose, packet: bytes, command: Command, payload: bytes) -> None:
+    def answer(self, pose: Pose | None, packet: bytes, command: Command, payload: bytes) -> None:
         """Take one robot's answer, decoded and as canonical bytes; ``OutOfTurn`` as in ``receive``.
 
         For hunts inside one process, whose own encoder has just made the bytes.
         """
-        self._take_pose(pose, packet, packet)
+        if pose is not None:
+            self._take_pose(pose, packet, packet)
         self._take_command(command, payload, payload)
 
     def fail(self, reason: str) -> Outgoing:
@@ -183,7 +190,12 @@ class WorldCore:
             tuple(state.geometry.distances[:count, count].tolist()),
             self._packets_sent,
             lost,
-            self._packets_sent - sum(lost.values()) - flying + arrived_unread,
+            self._packets_copied,
+            self._packets_sent
+            + self._packets_copied
+            - sum(lost.values())
+            - flying
+            + arrived_unread,
             flying - arrived_unread,
             self._contacts,
             dict(sorted(self.refused.items())),
@@ -215,7 +227,8 @@ class WorldCore:
         answer.packet, answer.canonical_pose = packet, canonical
 
     def _take_command(self, command: Command, payload: bytes, canonical: bytes) -> None:
-        self.table.move(command.robot, Move.COMMAND, command.tick)
+        move = Move.COMMAND if command.published else Move.COMMAND_ALONE
+        self.table.move(command.robot, move, command.tick)
         answer = self._answers.setdefault(command.robot, _Answer())
         answer.step, answer.command, answer.canonical_command = command.step, payload, canonical
 
@@ -248,26 +261,30 @@ class WorldCore:
         answers = [self._answers[robot] for robot in ids]
         steps = np.array([answer.step for answer in answers])
         packets = [answer.packet for answer in answers]
-        self.state, fates = engine.advance(self.arena, self.state, steps, packets)
+        self.state, fates = engine.advance(self.arena, self.state, steps, packets, len(self.run))
         self._count(fates)
-        digested, messages = [fates.tobytes()], []
+        digested, messages = [fates.due.tobytes()], []
+        if fates.copies is not None:
+            digested.append(fates.copies.tobytes())
         for robot, answer in zip(ids, answers, strict=True):
-            digested.append(body_of(answer.canonical_pose, self.run))
+            if answer.packet is not None:
+                digested.append(body_of(answer.canonical_pose, self.run))
+                messages.append((robot_key(self.run, robot, "pose"), answer.packet))
             digested.append(body_of(answer.canonical_command, self.run))
-            messages.append((robot_key(self.run, robot, "pose"), answer.packet))
             messages.append((robot_key(self.run, robot, "command"), answer.command))
         if self.record is not None:
-            fate_rows = tuple(map(tuple, fates.tolist()))
-            messages.append(
-                (world_key(self.run, "radio"), encode(Radio(tick, fate_rows), self.run))
-            )
+            said = encode(Radio(tick, _rows(fates.due), _rows(fates.copies)), self.run)
+            messages.append((world_key(self.run, "radio"), said))
         self._unsettled.append((tick, digested, messages))
         self._answers = {}
+        self.fates = fates
 
-    def _count(self, fates: NDArray[np.int64]) -> None:
-        self._packets_sent += len(self.arena.ids) * (len(self.arena.ids) - 1)
-        if fates.min() < 0:
-            self._lost.update((-fates[fates < 0]).tolist())
+    def _count(self, fates: radio.Fates) -> None:
+        self._packets_sent += int(np.count_nonzero(fates.due))
+        if fates.due.min() < 0:
+            self._lost.update((-fates.due[fates.due < 0]).tolist())
+        if fates.copies is not None:
+            self._packets_copied += int(np.count_nonzero(fates.copies))
         self._contacts += len(self.state.contacts)
 
     def _end_messages(self) -> Outgoing:
@@ -276,6 +293,10 @@ class WorldCore:
             self._encode(robot, "end", End(robot, self.state.tick, reason))
             for robot in self.arena.ids
         ]
+
+
+def _rows(table: NDArray[np.int64] | None) -> tuple[tuple[int, ...], ...]:
+    return () if table is None else tuple(map(tuple, table.tolist()))
 
 
 def _check_sender(robot: str | None, message: Pose | Command) -> None:

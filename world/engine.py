@@ -50,7 +50,7 @@ class ArenaState(NamedTuple):
     headings: Floats
     memory: Any
     air: radio.ChannelState
-    packets: dict[int, tuple[bytes, ...]]
+    packets: dict[int, tuple[bytes | None, ...]]
     geometry: sensing.Geometry
     visible: NDArray[np.bool_]
     scans: Floats
@@ -96,7 +96,7 @@ def observe(arena: Arena, state: ArenaState) -> list[Observation]:
     for sent_tick, links in radio.deliver(state.air, tick)[1]:
         packets = state.packets[sent_tick]
         for inbox, arrives in zip(inboxes, links.T.tolist(), strict=True):
-            inbox += compress(packets, arrives)
+            inbox += compress(packets, arrives)  # type: ignore[arg-type]  # None never flies
     places = [tuple(p) for p in state.positions[:count].tolist()]
     targets = _detected(arena, state)
     visible = state.visible[:count].tolist()
@@ -118,15 +118,21 @@ def observe(arena: Arena, state: ArenaState) -> list[Observation]:
 
 
 def advance(
-    arena: Arena, state: ArenaState, steps: Floats, packets: Sequence[bytes]
-) -> tuple[ArenaState, NDArray[np.int64]]:
-    """The state one tick later, and the fates (N, N) of this tick's packets.
+    arena: Arena,
+    state: ArenaState,
+    steps: Floats,
+    packets: Sequence[bytes | None],
+    name_bytes: int = 0,
+) -> tuple[ArenaState, radio.Fates]:
+    """The state one tick later, and the fates of this tick's packets.
 
-    ``steps``: (N, 2) commanded steps in m; ``packets``: each robot's encoded pose, robot order.
+    ``steps``: (N, 2) commanded steps in m; ``packets``: each robot's encoded pose, robot order,
+    None from a robot that sends none; ``name_bytes``: how many bytes of each are the run's name,
+    which do not count: how a run is called must not change its course.
     """
     tick, count = state.tick, len(arena.ids)
     air, _ = radio.deliver(state.air, tick)
-    air, fates = radio.transmit(arena.channel, air, tick, _silent(arena, tick))
+    air, fates = radio.transmit(arena.channel, air, _sending(arena, state, packets, name_bytes))
     memory, target_step = _target_step(arena, state)
     wanted = dynamics.limited(np.vstack([steps, target_step]), arena.step_m_max)
     headings = state.headings
@@ -195,7 +201,7 @@ def _sensed(
     headings: Floats,
     memory: Any,
     air: radio.ChannelState,
-    packets: dict[int, tuple[bytes, ...]],
+    packets: dict[int, tuple[bytes | None, ...]],
     contacts: tuple[tuple[int, int], ...],
 ) -> ArenaState:
     """A state with everything that follows from the positions."""
@@ -245,6 +251,20 @@ def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Floats]:
     )
     memory, step = arena.behaviour(state.memory, view, **arena.scenario.target.parameters)
     return memory, np.array([step])
+
+
+def _sending(
+    arena: Arena, state: ArenaState, packets: Sequence[bytes | None], name_bytes: int
+) -> radio.Sending:
+    """What the radio is given at a tick."""
+    count = len(arena.ids)
+    sizes = [0 if packet is None else len(packet) - name_bytes for packet in packets]
+    return radio.Sending(
+        state.tick,
+        np.array(sizes) if None in packets or arena.channel.rated else None,
+        state.geometry.distances[:count, :count],
+        _silent(arena, state.tick),
+    )
 
 
 def _silent(arena: Arena, tick: int) -> NDArray[np.bool_] | None:

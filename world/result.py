@@ -5,7 +5,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came of a run. ``lost`` counts packets by cause; distances in m, robot order."""
+    """What came of a run. ``packets_lost`` counts by cause; distances in m, robot order.
+
+    A packet is one pose on one directed link. Sent and copied (by the radio) together are lost,
+    delivered and in flight together.
+    """
 
     captured: bool
     capture_tick: int | None
@@ -14,6 +18,7 @@ class Result:
     distances_m: tuple[float, ...]
     packets_sent: int
     packets_lost: dict[str, int]
+    packets_copied: int
     packets_delivered: int
     packets_in_flight: int
     contacts: int

@@ -49,12 +49,15 @@ _SHAPES: dict[str, dict[str, Any]] = {
     "point": {"type": ["integer", "null"]},
     "predictor": {"type": ["string", "null"]},
     "team": _list(_TEXT),
+    "relayed": _list({"type": "array", "prefixItems": [_TEXT, _INTEGER, _NUMBER, _NUMBER]}),
+    "published": {"type": "boolean"},
     "refused": {"type": "object", "additionalProperties": _INTEGER},
     "reason": _TEXT,
     "robots": _list(_POINT),
     "captured": {"type": "boolean"},
     "contacts": _list(_list(_TEXT)),
     "fates": _list(_list(_INTEGER)),
+    "copies": _list(_list(_INTEGER)),
 }
 
 
