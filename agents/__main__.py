@@ -16,6 +16,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="tcp/127.0.0.1:7447")
     parser.add_argument("--run", required=True, help="name of the run to join")
     parser.add_argument("--join-timeout", type=float, default=30.0, metavar="S")
+    parser.add_argument("--stay", action="store_true", help="join run after run of that name")
     options = parser.parse_args(arguments)
     try:
         check_name("robot", options.id)
@@ -26,7 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with postponed("scipy.stats", "scipy.ndimage"):
         from agents.robot import run_robot
 
-    return asyncio.run(run_robot(options.id, options.run, options.connect, options.join_timeout))
+    life = run_robot(options.id, options.run, options.connect, options.join_timeout, options.stay)
+    return asyncio.run(life)
 
 
 if __name__ == "__main__":

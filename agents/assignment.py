@@ -12,6 +12,10 @@ the rule can be carried by the costs themselves: each distance is shifted left a
 the point's number, the first robot's in the highest place. Sums of up to 8 km stay below 2**53, so
 scipy's double arithmetic is exact. The low bits hold the whole rule up to seven robots; beyond that
 only for as many leading robots as fit, and what is left is broken by scipy's own fixed order.
+
+The paper assigns anew at every step, so a robot between two points may turn back and forth as the
+ring turns and news comes late. ``kept_or_assigned`` is hysteresis against that, by request. Each
+robot decides for itself, so while one keeps its point another may be assigned it.
 """
 
 from functools import lru_cache
@@ -22,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from protocol.messages import QUANTA_PER_M
+from protocol.messages import QUANTA_PER_M, Point
 
 TIE_BITS = 20
 
@@ -93,6 +97,31 @@ def assign(
         choice[ring] = linear_sum_assignment(costs[:, ring * count : (ring + 1) * count])[1]
     chosen = _starts(rings, count) + choice
     return choice, distances[_rows(count), chosen]
+
+
+def kept_or_assigned(
+    team: NDArray[np.float64],
+    points: NDArray[np.float64],
+    assigned: NDArray[np.intp],
+    own: int,
+    previous: Point,
+    gain_m: float,
+) -> int:
+    """The point robot ``own`` goes to if it changes its mind only for a gain.
+
+    It keeps the point nearest to ``previous`` (of equally near ones the first) unless the best
+    assignment is shorter, in total, than the best of those in which it keeps it by more than
+    ``gain_m``. ``team`` and ``points``: (N, 2) in m; ``assigned``: (N,), the best assignment.
+    """
+    chosen = int(assigned[own])
+    kept = int(np.square(points - previous).sum(axis=1).argmin())
+    if kept == chosen:
+        return chosen
+    costs = whole_microns(cdist(team, points))
+    best = costs[_rows(len(team)), assigned].sum()
+    others = np.delete(np.delete(costs, own, axis=0), kept, axis=1)
+    best_keeping = costs[own, kept] + others[linear_sum_assignment(others)].sum()
+    return chosen if best_keeping - best > gain_m * QUANTA_PER_M else kept
 
 
 @lru_cache(maxsize=256)

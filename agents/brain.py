@@ -5,7 +5,7 @@ choose on this robot's own view, and keeps the choice within what the robot can 
 collisions. No clock, no link, no log, no random draw.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import hypot
@@ -14,6 +14,8 @@ from typing import NamedTuple
 from agents import kalman, team
 from agents.avoid import avoid
 from agents.kalman import Detection, Track
+from agents.publishing import Told, is_due, told_after
+from agents.relaying import passed_on, to_pass_on
 from agents.search import Search, search_goal
 from agents.spline import extrapolate
 from agents.strategies import Choice, Strategy, View
@@ -44,12 +46,18 @@ def places_in(team_ids: tuple[str, ...]) -> dict[str, int]:
 
 
 class BrainState(NamedTuple):
-    """All that a robot remembers from one tick to the next."""
+    """All that a robot remembers from one tick to the next.
+
+    ``goal``: the encirclement point it headed for, None if for none; ``told``: what its peers have
+    from it, None if it speaks without regard to that.
+    """
 
     peers: team.PeerTable
     track: Track
     position: Point | None
     search: Search | None
+    goal: Point | None = None
+    told: Told | None = None
 
 
 class Action(NamedTuple):
@@ -70,7 +78,11 @@ def initial(role: Role) -> BrainState:
 def step(
     state: BrainState, observation: Observation, packets: Sequence[Pose], role: Role
 ) -> tuple[BrainState, Action]:
-    """One tick. ``packets``: the decoded inbox, in any order, senders in ``role.team``."""
+    """One tick.
+
+    ``packets``: the decoded inbox, in any order; senders, and origins of what they relay, are in
+    ``role.team``.
+    """
     places = places_in(role.team)
     # Arrival order is never information.
     ranked = [(p.tick, places[p.robot], p.sequence, k) for k, p in enumerate(packets)]
@@ -78,11 +90,10 @@ def step(
     seen = [(places[robot], x, y) for robot, x, y in observation.seen]
     tick, own = observation.tick, places[role.robot]
     peers = team.fold(state.peers, heard, seen, tick, role.tick_s)
-    track = kalman.fold(
-        state.track, _detections(observation, own, heard), tick, role.tick_s, role.parameters
-    )
+    arrived = _detections(observation, own, heard, places)
+    track = kalman.fold(state.track, arrived, tick, role.tick_s, role.parameters)
     mates = team.team_of(peers, own, observation.position, tick, role.parameters)
-    choice, search = _choose(state.search, track, mates, observation, role)
+    choice, search = _choose(state, track, mates, observation, role)
     estimate = track.estimate
     x, y = observation.position
     wanted = _limited(choice.step, role.parameters.step_m_max)
@@ -93,18 +104,7 @@ def step(
         (estimate.x - x, estimate.y - y) if estimate else None,
         role.parameters,
     )
-    before = state.position or observation.position
-    pose = Pose(
-        role.robot,
-        tick,
-        tick,
-        observation.position,
-        ((x - before[0]) / role.tick_s, (y - before[1]) / role.tick_s),
-        observation.target,
-        choice.mode,
-        choice.xi,
-        choice.point,
-    )
+    pose = _packet(state, observation, track, choice, role)
     command = Command(
         role.robot,
         tick,
@@ -116,37 +116,75 @@ def step(
         (quantise_m(estimate.x), quantise_m(estimate.y)) if estimate else None,
         choice.predictor,
         tuple([role.team[place] for place in mates.members]),
+        pose is not None,
     )
-    return BrainState(peers, track, observation.position, search), Action(pose, command)
+    goal = None if choice.point is None else command.goal
+    told = told_after(state.told, pose, tick, role.tick_s, role.parameters)
+    after = BrainState(peers, track, observation.position, search, goal, told)
+    return after, Action(pose, command)
 
 
 def _detections(
-    observation: Observation, own: int, heard: Sequence[tuple[int, Pose]]
+    observation: Observation,
+    own: int,
+    heard: Sequence[tuple[int, Pose]],
+    places: Mapping[str, int],
 ) -> list[Detection]:
     """Every detection that reached this robot at this tick, its own included."""
-    found = [
-        (packet.tick, place, *packet.detection)
-        for place, packet in heard
-        if packet.detection is not None and packet.tick < observation.tick
-    ]
+    tick = observation.tick
+    found, relaying = [], []
+    for place, packet in heard:
+        if packet.detection is not None and packet.tick < tick:
+            found.append((packet.tick, place, *packet.detection))
+        if packet.relayed:
+            relaying.append(packet)
+    if relaying:
+        # Of one origin and tick the last counts: what a robot says itself, not what is said of it.
+        found = passed_on(relaying, tick, own, places) + found
     if observation.target is not None:
-        found.append((observation.tick, own, *observation.target))
+        found.append((tick, own, *observation.target))
     return found
 
 
+def _packet(
+    state: BrainState, observation: Observation, track: Track, choice: Choice, role: Role
+) -> Pose | None:
+    """What to tell the peers at this tick, None if nothing."""
+    parameters, tick = role.parameters, observation.tick
+    position, detection = observation.position, observation.target
+    if not is_due(state.told, tick, position, detection, role.tick_s, parameters):
+        return None
+    x, y = state.position or position
+    return Pose(
+        role.robot,
+        tick,
+        tick,
+        position,
+        ((position[0] - x) / role.tick_s, (position[1] - y) / role.tick_s),
+        detection,
+        choice.mode,
+        choice.xi,
+        choice.point,
+        to_pass_on(track, tick, role.own, role.team, parameters.relay_age_ticks_max)
+        if parameters.detections == "relay"
+        else (),
+    )
+
+
 def _choose(
-    search: Search | None, track: Track, mates: team.Team, observation: Observation, role: Role
+    state: BrainState, track: Track, mates: team.Team, observation: Observation, role: Role
 ) -> tuple[Choice, Search | None]:
     """The strategy's choice, or the search's, and the search if one is under way."""
     parameters, tick = role.parameters, observation.tick
     estimate = track.estimate
     if estimate is None:
         x, y = observation.position
-        search = search or Search(x, y, tick)
+        search = state.search or Search(x, y, tick)
         goal = search_goal(search, tick, role.own, len(role.team), parameters)
         return Choice("search", (goal[0] - x, goal[1] - y), goal), search
     predict = partial(extrapolate, track, role.tick_s, parameters)
-    view = View(mates.own, mates.positions, (estimate.x, estimate.y), predict, parameters)
+    target = (estimate.x, estimate.y)
+    view = View(mates.own, mates.positions, target, predict, parameters, state.goal)
     return role.strategy(view), None
 
 

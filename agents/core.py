@@ -6,7 +6,7 @@ command, so that nothing is lost silently.
 """
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from agents import brain
@@ -14,7 +14,7 @@ from agents.strategies import strategy_named
 from protocol.codec import decode, decode_pose, encode
 from protocol.errors import MalformedMessage, OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key
-from protocol.messages import End, Observation, Setup
+from protocol.messages import End, Observation, Pose, Setup
 from protocol.parameters import Parameters
 
 
@@ -33,7 +33,7 @@ class RobotCore:
         self.ended: str | None = None
         self.refused: Counter[str] = Counter()
         self.role: brain.Role | None = None
-        self._state: brain.BrainState | None = None
+        self.state: brain.BrainState | None = None
         self._tick = -1
         self._log = log
         self._pose_key = robot_key(run, robot, "pose")
@@ -85,11 +85,11 @@ class RobotCore:
             )
         except ValueError as error:
             raise MalformedMessage(f"Setup: {error}") from None
-        self._state = brain.initial(self.role)
+        self.state = brain.initial(self.role)
 
     def decide(self, observation: Observation) -> brain.Action:
         """Answer an observation; ``OutOfTurn`` before setup or if its tick is not the next one."""
-        if self.role is None or self._state is None:
+        if self.role is None or self.state is None:
             raise OutOfTurn(f"observation of tick {observation.tick} before setup")
         if observation.robot != self.robot:
             raise WrongSender(f"observation is for {observation.robot}")
@@ -108,16 +108,31 @@ class RobotCore:
                     raise WrongSender(f"pose from {pose.robot}")
                 if pose.tick >= observation.tick:
                     raise OutOfTurn(f"pose of tick {pose.tick} at tick {observation.tick}")
-                packets.append(pose)
+                packets.append(self._sifted(pose, places) if pose.relayed else pose)
             except ProtocolError as error:
                 self._refuse("inbox", error)
-        self._state, action = brain.step(self._state, observation, packets, self.role)
+        self.state, action = brain.step(self.state, observation, packets, self.role)
         counts = dict(sorted(self.refused.items()))
-        if self._state.track.dropped:
-            counts["late-detection"] = self._state.track.dropped
+        if self.state.track.dropped:
+            counts["late-detection"] = self.state.track.dropped
         if counts:
             return action._replace(command=replace(action.command, refused=counts))
         return action
+
+    def _sifted(self, pose: Pose, places: Mapping[str, int]) -> Pose:
+        """The pose without those relayed detections that cannot be, which are refused."""
+        sound = []
+        for report in pose.relayed:
+            origin, tick = report[:2]
+            if origin in places and tick < pose.tick:
+                sound.append(report)
+                continue
+            said = f"{pose.robot} relays a detection by {origin!r} of tick {tick}"
+            if origin not in places:
+                self._refuse("inbox", WrongSender(f"{said}, not of this team"))
+            else:
+                self._refuse("inbox", OutOfTurn(f"{said} at tick {pose.tick}"))
+        return pose if len(sound) == len(pose.relayed) else replace(pose, relayed=tuple(sound))
 
     def _refuse(self, key: str, error: ProtocolError) -> None:
         self.refused[error.cause] += 1

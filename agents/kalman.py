@@ -9,7 +9,8 @@ detections only, not on what was detected, so a step of the covariance is rememb
 
 Raw detections travel, with origin and tick, never estimates. A detection that arrives late is put
 at its tick and the filter is run again from there over its short window, so the result is the same
-as if everything had arrived in order, and nothing is counted twice.
+as if everything had arrived in order, and nothing is counted twice, whatever ways a detection takes
+to get here. The alternative, to ignore what is late, is there to be compared with.
 """
 
 from collections.abc import Iterable
@@ -60,7 +61,7 @@ class Track(NamedTuple):
     detected_tick: int
     """Newest tick at which anyone is known to have detected the target; -1 if none is."""
     dropped: int
-    """Detections that came too late for the window."""
+    """Detections that came too late to be used."""
 
     @property
     def estimate(self) -> Estimate | None:
@@ -78,7 +79,7 @@ def fold(
     """The track at ``tick`` (one after the track's last) with these detections folded in.
 
     A track that nobody has fed for ``track_age_ticks_max`` is given up, and starts anew with the
-    next detection.
+    next detection; then what is older than the last one of the old track comes too late.
     """
     entries = [*track.entries, EMPTY]
     first, base = track.first_tick, track.base
@@ -88,6 +89,8 @@ def fold(
         del entries[:surplus]
     dirty = len(entries) - 1
     newest, dropped = track.detected_tick, track.dropped
+    # An undelayed link brings a detection at the tick after it was made.
+    late_tick = tick - 1 if parameters.late_detections == "ignore" else first
     by_tick: dict[int, list[Detection]] = {}
     for detection in detections:
         by_tick.setdefault(detection[0], []).append(detection)
@@ -97,13 +100,18 @@ def fold(
             dropped += len(arrived)
             continue
         known = entries[place].detections
+        if heard_tick < late_tick:
+            dropped += len({d[1] for d in arrived} - {d[1] for d in known})
+            continue
         merged = {d[1]: d for d in (*arrived, *known)}  # one per origin, the one known first
         if len(merged) > len(known):
             entries[place] = Entry(tuple(sorted(merged.values())), None)
             dirty = min(dirty, place)
             newest = max(newest, heard_tick)
     if -1 < newest < tick - parameters.track_age_ticks_max:
-        return Track(first, None, (EMPTY,) * len(entries), -1, dropped)
+        # What the old track was fed with is forgotten, so a copy of it must not feed the new one.
+        first = max(first, newest + 1)
+        return Track(first, None, (EMPTY,) * (tick + 1 - first), -1, dropped)
     noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
     before = entries[dirty - 1].estimate if dirty else base
     for place in range(dirty, len(entries)):
@@ -111,6 +119,17 @@ def fold(
         before = _step(before, heard, noise, parameters.velocity_mps_std)
         entries[place] = Entry(heard, before)
     return Track(first, base, tuple(entries), newest, dropped)
+
+
+def next_estimate(
+    before: Estimate | None,
+    detections: tuple[Detection, ...],
+    tick_s: float,
+    parameters: Parameters,
+) -> Estimate | None:
+    """The estimate one tick later, for detections that come in order: the filter, no window."""
+    noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
+    return _step(before, detections, noise, parameters.velocity_mps_std)
 
 
 def _step(

@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.assignment import assign
+from agents.assignment import assign, kept_or_assigned
 from agents.prediction_step import best_step
 from agents.ring import encirclement_points
 from agents.shrink import deviation, encloses, sides
@@ -30,7 +30,8 @@ class View(NamedTuple):
 
     ``positions``: of the team's N members in m, robot order; ``own``: this robot's place among
     them; ``target``: the estimated target position in m; ``predict``: from a tuple of G prediction
-    steps to predicted target positions (G, 2) in m, and what predicted them.
+    steps to predicted target positions (G, 2) in m, and what predicted them; ``previous_goal``: the
+    encirclement point this robot headed for at the previous tick, in m, None if for none.
     """
 
     own: int
@@ -38,6 +39,7 @@ class View(NamedTuple):
     target: Point
     predict: Callable[[tuple[float, ...]], tuple[NDArray[np.float64], str]]
     parameters: Parameters
+    previous_goal: Point | None = None
 
 
 class Choice(NamedTuple):
@@ -75,9 +77,15 @@ def _encircle(view: View, xi_grid: tuple[float, ...]) -> Choice:
     parameters = view.parameters
     predicted, predictor = view.predict(xi_grid)
     points = encirclement_points(view.positions, view.target, predicted, parameters.ring_radius_m)
-    choice, distances = assign(np.array(view.positions), points)
+    team = np.array(view.positions)
+    choice, distances = assign(team, points)
     best = best_step(distances, xi_grid, parameters.xi_weight) if len(xi_grid) > 1 else 0
     point = int(choice[best, view.own])
+    if parameters.switch_gain_m > 0.0 and view.previous_goal is not None:
+        gain_m = parameters.switch_gain_m
+        point = kept_or_assigned(
+            team, points[best], choice[best], view.own, view.previous_goal, gain_m
+        )
     goal_x, goal_y = points[best, point].tolist()
     own_x, own_y = view.positions[view.own]
     step = (goal_x - own_x, goal_y - own_y)

@@ -2,7 +2,9 @@
 
 An entry is the newest thing known of a peer: its own pose packet, or having been seen by this
 robot's sensors. Late packets never overwrite newer knowledge. Which peers make up the team that is
-planned for, and where stale ones are taken to be, is the staleness policy of ``Parameters``.
+planned for, and where stale ones are taken to be, is the staleness policy of ``Parameters``: a peer
+is held where it was, or moved on by its velocity for as long as that is trusted, and in the end
+left out.
 """
 
 from collections.abc import Sequence
@@ -63,8 +65,20 @@ def team_of(peers: PeerTable, own: int, position: Point, tick: int, parameters: 
     members = tuple([i for i, peer in enumerate(table) if peer is not None and peer[0] >= oldest])
     if len(members) < len(table):
         table = [table[i] for i in members]
-    if parameters.peer_policy == "extrapolate":
-        rows = [(x + (tick - t) * vx, y + (tick - t) * vy) for t, x, y, vx, vy in table]  # type: ignore[misc]
-    else:
-        rows = [(x, y) for _, x, y, _, _ in table]  # type: ignore[misc]
-    return Team(members, members.index(own), tuple(rows))
+    places = taken_to_be(table, tick, parameters)  # type: ignore[arg-type]  # members are known
+    return Team(members, members.index(own), places)
+
+
+def taken_to_be(known: Sequence[Peer], tick: int, parameters: Parameters) -> tuple[Point, ...]:
+    """Where robots of whom this is known are taken to be at a tick, in m."""
+    if parameters.peer_policy == "hold":
+        return tuple([(x, y) for _, x, y, _, _ in known])
+    trusted = parameters.extrapolate_ticks_max
+    return tuple(
+        [
+            (x + (tick - t) * vx, y + (tick - t) * vy)
+            if tick - t <= trusted
+            else (x + trusted * vx, y + trusted * vy)
+            for t, x, y, vx, vy in known
+        ]
+    )

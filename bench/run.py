@@ -20,6 +20,7 @@ from decisions import measure as measure_decisions
 from rich.console import Console
 from rich.table import Table
 from scenarios import endless_hunt, ordinary_hunt
+from studies import measure_studies
 
 from encircle.hunts import run
 from encircle.memory import run_in_memory
@@ -200,6 +201,8 @@ def main() -> None:
     show("(b) ticks per second in memory, one core", report["b_in_memory"])
     report["c_decisions"] = [measure_decisions(n) for n in (4, 8, 16, 64)]
     show("(c) one robot's decision", report["c_decisions"])
+    report["e_studies"] = measure_studies(1 if options.quick else 8)
+    show("(e) studies", [report["e_studies"]])
     options.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     print(f"written to {options.json}")
 

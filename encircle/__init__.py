@@ -6,7 +6,34 @@
 True
 """
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
 from encircle.hunts import Hunt, run
 from world.scenario import Scenario, ScenarioError, load, shipped
 
-__all__ = ["Hunt", "Scenario", "ScenarioError", "load", "run", "shipped"]
+if TYPE_CHECKING:
+    from encircle.studies.study import Study
+
+__all__ = ["Hunt", "Scenario", "ScenarioError", "load", "run", "shipped", "study"]
+
+
+def study(
+    source: str | Path | Mapping[str, Any],
+    out: str | Path | None = None,
+    *,
+    overrides: Sequence[str] = (),
+    seeds: int | None = None,
+) -> "Study":
+    """A study by its shipped name, from a TOML file or from a mapping.
+
+    ``out``: directory of its table, ``runs/study-NAME`` by default; ``overrides``: ``key=value``
+    changes of its base scenario; ``seeds``: how many instead of its own. Nothing is run before
+    ``run`` or ``table`` is called. Raises ``StudyError`` listing every problem.
+    """
+    # Imported late: a hunt needs no tables.
+    from encircle.studies.plan import load_plan
+    from encircle.studies.study import Study
+
+    return Study(load_plan(source, overrides, seeds), out)

@@ -158,6 +158,59 @@ def reproduce_command(
     print(json.dumps(report.as_dict()) if as_json else report.text())
 
 
+@app.command("study")
+def study_command(
+    name: Annotated[
+        str | None, typer.Argument(help="A shipped study's name or a TOML file; none: list them.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Directory; runs/study-NAME if left out.")
+    ] = None,
+    seeds: Annotated[int | None, typer.Option(min=1, help="How many, instead of its own.")] = None,
+    link: Annotated[
+        str, typer.Option(help="memory, or zenoh: through robot processes.")
+    ] = "memory",
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=1024, help="Processes; one per core if left out.")
+    ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A dask scheduler: tcp/... or tcp://...")
+    ] = None,
+    changes: SetOption = [],  # noqa: B006
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Run a study, or go on with one, and write its table, figures and report."""
+    from encircle.hunts import LINKS
+    from encircle.studies.plan import StudyError, load_plan, shipped_studies
+
+    if link not in LINKS:
+        raise typer.BadParameter(f"{link!r} is not one of {', '.join(LINKS)}", param_hint="--link")
+    if cluster is not None and (link != "memory" or workers is not None):
+        raise typer.BadParameter(
+            "goes neither with --link zenoh nor --workers", param_hint="--cluster"
+        )
+    if name is None:
+        for known in shipped_studies():
+            plan = load_plan(known)
+            print(f"{known:12} {plan.runs:6} runs  {plan.title}")
+        return
+    try:
+        from encircle.studies.command import Request, run_study, show
+        from encircle.studies.workers import StudyFailed
+    except ModuleNotFoundError as error:
+        print(f"encircle: studies need {error.name}: install encircle[studies]", file=sys.stderr)
+        raise typer.Exit(2) from None
+    request = Request(name, out, seeds, link, workers, cluster, changes)
+    try:
+        show(run_study(request), as_json)
+    except StudyError as error:
+        print(f"encircle: {error}", file=sys.stderr)
+        raise typer.Exit(2) from None
+    except StudyFailed as error:
+        print(f"encircle: the study stopped: {error}", file=sys.stderr)
+        raise typer.Exit(1) from None
+
+
 @app.command("robot")
 def robot_command(
     robot: Annotated[str, typer.Argument(metavar="ID", help="The robot's id, as in r1.")],

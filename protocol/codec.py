@@ -17,7 +17,17 @@ import msgpack
 
 from protocol import VERSION
 from protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
-from protocol.messages import Command, End, Observation, Point, Pose, Radio, Setup, State
+from protocol.messages import (
+    RELAYED_MAX,
+    Command,
+    End,
+    Observation,
+    Point,
+    Pose,
+    Radio,
+    Setup,
+    State,
+)
 
 Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
 
@@ -36,7 +46,6 @@ BYTES_MAX: dict[type[Any], int] = {
 }
 TEXT_MAX = 256
 LIST_MAX = 256
-RELAYED_MAX = 16
 HEADER_BYTES = 9  # map size, "v", version, "run", and the size of a name below 32 letters
 SHOWN_MAX = 80
 COUNT_MAX = 2**53 - 1
@@ -120,9 +129,9 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
     if tuple(body) != _NAMES[Pose]:
         return None
     values = tuple(body.values())
-    if tuple(map(type, values)) not in _POSE_TYPES or values[-1]:
+    if tuple(map(type, values)) not in _POSE_TYPES:
         return None
-    _, _, robot, tick, sequence, position, velocity, detection, mode, xi, point, _ = values
+    _, _, robot, tick, sequence, position, velocity, detection, mode, xi, point, relayed = values
     numbers = position + velocity + (detection or ()) + (() if xi is None else (xi,))
     if (
         len(position) == len(velocity) == 2
@@ -135,8 +144,9 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
         and (point is None or 0 <= point <= COUNT_MAX)
         and len(robot) <= TEXT_MAX
         and len(mode) <= TEXT_MAX
+        and (not relayed or _are_plain_reports(relayed))
     ):
-        return Pose(robot, tick, sequence, position, velocity, detection, mode, xi, point)
+        return Pose(robot, tick, sequence, position, velocity, detection, mode, xi, point, relayed)
     return None
 
 
@@ -291,7 +301,29 @@ def _sighting(value: Any) -> tuple[str, float, float]:
 def _relayed(value: Any) -> tuple[tuple[str, int, float, float], ...]:
     if type(value) is not tuple or len(value) > RELAYED_MAX:
         raise ValueError(f"a list of at most {RELAYED_MAX}")
+    if _are_plain_reports(value):
+        return value
     return tuple([_report(report) for report in value])
+
+
+def _are_plain_reports(value: tuple[Any, ...]) -> bool:
+    """Whether these are what honest senders relay, with nothing to convert."""
+    if len(value) > RELAYED_MAX:
+        return False
+    for report in value:
+        if type(report) is not tuple or len(report) != 4:
+            return False
+        origin, tick, x, y = report
+        if not (
+            type(origin) is str
+            and type(tick) is int
+            and type(x) is type(y) is float
+            and -NUMBER_MAX < x < NUMBER_MAX > y > -NUMBER_MAX
+            and 0 <= tick <= COUNT_MAX
+            and len(origin) <= TEXT_MAX
+        ):
+            return False
+    return True
 
 
 def _report(value: Any) -> tuple[str, int, float, float]:

@@ -13,6 +13,7 @@ Point: TypeAlias = tuple[float, float]
 
 QUANTA_PER_M = float(2**20)
 QUANTUM_M = 1.0 / QUANTA_PER_M
+RELAYED_MAX = 16
 
 
 def quantise_m(length_m: float) -> float:
@@ -58,8 +59,9 @@ class Observation:
 class Pose:
     """Robot to its peers, by radio: where it is, what it saw of the target, what it is up to.
 
-    ``detection`` is the sender's own, of this tick. ``relayed`` passes on what others detected,
-    each as ``(origin, tick, x, y)``, so that a detection can take a way round a bad link.
+    ``detection`` is the sender's own, of this tick. ``relayed`` passes on what others detected
+    earlier, each as ``(origin, tick, x, y)``, at most ``RELAYED_MAX``, so that a detection can take
+    a way round a bad link.
     """
 
     robot: str
@@ -81,7 +83,7 @@ class Command:
     ``estimate`` is its estimate of the target's position, ``goal`` the point it heads for,
     ``team`` the robots it planned with, ``predictor`` what made the prediction (``spline``,
     ``velocity`` or ``hold``), ``refused`` how many messages it has refused so far by cause,
-    and under ``late-detection`` how many detections came too late for its filter's window.
+    and under ``late-detection`` how many detections came too late for its filter.
     ``published`` tells whether the robot sends its peers a pose at this tick; if not, the command
     alone is its answer.
     """

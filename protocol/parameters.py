@@ -57,10 +57,31 @@ class Parameters:
     """How far back a late detection may lie and still be put in its place."""
     track_age_ticks_max: int = 30
     """A target not detected by anyone for longer is lost; the search begins again."""
+    late_detections: str = "refilter"
+    """Detections that an undelayed link would have brought earlier: ``refilter`` the window with
+    them in their place, or ``ignore`` them."""
+    detections: str = "own"
+    """What packets tell of the target: the sender's ``own`` detection, or ``relay`` what others
+    detected too."""
+    relay_age_ticks_max: int = 10
+    """Detections older than this, or than the window, are not passed on."""
+    publish: str = "always"
+    """At ticks at which a robot may publish: do so ``always``, or only on an ``event``, when its
+    silence would mislead its peers (``agents.publishing``)."""
+    publish_every_ticks: int = 1
+    """A robot may publish at ticks divisible by this."""
+    publish_error_m: float = 0.3
+    """How wrong peers may be about robot or target before that is an event."""
+    publish_age_ticks_max: int = 10
+    """A last packet this old is an event too."""
     peer_policy: str = "extrapolate"
     """What to do with a stale peer: ``hold`` its position or ``extrapolate`` its velocity."""
+    extrapolate_ticks_max: int = 100_000
+    """A peer is extrapolated by no more than this and held from there on."""
     peer_age_ticks_max: int = 50
     """Peers not heard of for longer are left out of the team."""
+    switch_gain_m: float = 0.0
+    """A robot keeps its encirclement point unless changing shortens the team's way by more."""
     search: str = "spiral"
     """Before anything is known of the target: ``hold`` still or ``spiral`` outwards."""
     clearance_m: float = 0.08
@@ -158,12 +179,21 @@ _RANGES = (
     ("velocity_mps_std", 1e-4, 1e4),
     ("window_ticks", 2, 500),
     ("track_age_ticks_max", 1, 100_000),
+    ("relay_age_ticks_max", 1, 500),
+    ("publish_every_ticks", 1, 100_000),
+    ("publish_error_m", 0.0, 1e4),
+    ("publish_age_ticks_max", 1, 100_000),
+    ("extrapolate_ticks_max", 0, 100_000),
     ("peer_age_ticks_max", 1, 100_000),
+    ("switch_gain_m", 0.0, 1e4),
     ("clearance_m", 0.0, 10.0),
 )
 _CHOICES = {
     "spline_ends": ("natural", "not-a-knot"),
     "enclosure": ("printed", "span", "gap"),
+    "late_detections": ("refilter", "ignore"),
+    "detections": ("own", "relay"),
+    "publish": ("always", "event"),
     "peer_policy": ("hold", "extrapolate"),
     "search": ("hold", "spiral"),
 }

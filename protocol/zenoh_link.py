@@ -41,6 +41,7 @@ class ZenohLink:
         except zenoh.ZError as error:
             doing = "listen on" if listens else "connect to"
             raise LinkError(f"cannot {doing} {endpoint}: {_first_line(error)}") from None
+        self.endpoint = endpoint
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._tokens: list[zenoh.LivelinessToken] = []
         self._watchers: list[Any] = []

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import cos, hypot, inf, pi, sin, sqrt
 
-from agents.brain import BrainState, Role, initial, step
+from agents.brain import Action, BrainState, Role, initial, step
 from agents.strategies import Strategy, encircle_or_shrink
 from protocol.messages import Command, Observation, Point, Pose
 from protocol.parameters import Parameters
@@ -33,9 +33,10 @@ def pose(
     position: Point = (5.0, 5.0),
     velocity: Point = (0.0, 0.0),
     detection: Point | None = None,
+    relayed: tuple[tuple[str, int, float, float], ...] = (),
 ) -> Pose:
     """A pose packet, its sequence number its tick, as robots send them."""
-    return Pose(robot, tick, tick, position, velocity, detection, "encircle", 0.0, 0)
+    return Pose(robot, tick, tick, position, velocity, detection, "encircle", 0.0, 0, relayed)
 
 
 def role(
@@ -53,11 +54,21 @@ def run_brain(
     part: Role, observations: Sequence[Observation], packets: Callable[[int], list[Pose]] | None
 ) -> tuple[BrainState, list[Command]]:
     """Step a fresh brain through observations; ``packets`` gives the inbox of each tick."""
-    state, commands = initial(part), []
+    state, actions = run_actions(part, observations, packets)
+    return state, [action.command for action in actions]
+
+
+def run_actions(
+    part: Role,
+    observations: Sequence[Observation],
+    packets: Callable[[int], list[Pose]] | None = None,
+) -> tuple[BrainState, list[Action]]:
+    """As ``run_brain``, with the packets sent."""
+    state, actions = initial(part), []
     for seen in observations:
         state, action = step(state, seen, packets(seen.tick) if packets else [], part)
-        commands.append(action.command)
-    return state, commands
+        actions.append(action)
+    return state, actions
 
 
 def ring_of_rays(

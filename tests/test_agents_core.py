@@ -1,5 +1,6 @@
 """The robot's side of the protocol: what it answers, what it refuses, and that it never raises."""
 
+from dataclasses import replace
 from math import inf, nan
 
 import pytest
@@ -170,7 +171,7 @@ def test_refusals_are_told_apart_by_cause_and_reported_with_each_command():
     robot.refuses("observation", encode(observation(), "g2"), "wrong-run")
     robot.refuses("observation", b"\xc1" * (BYTES_MAX[Observation] + 1), "oversized")
     robot.refuses("observation", b"\xc1", "malformed")
-    robot.refuses("end", b"\x81\xa1v\x02", "wrong-version")
+    robot.refuses("end", b"\x81\xa1v\x01", "wrong-version")
     robot.refuses("end", b"", "malformed")
     counts = {"malformed": 2, "oversized": 1, "wrong-run": 1, "wrong-version": 1}
     for tick in range(2):
@@ -204,9 +205,80 @@ def test_garbage_in_the_inbox_is_counted_and_the_rest_is_used(packet, cause):
     assert command.estimate == pytest.approx((8.0, 9.0))
 
 
+SAID = pose("r2", 4, position=(5.0, 5.0), detection=(8.0, 9.0))
+
+
+def after_hearing(relayed, **parameters):
+    """A robot's core and its command at tick 5, at which a packet comes that relays this."""
+    robot = Robot(replace(SETUP, parameters=parameters))
+    for tick in range(5):
+        robot.answer(observation(tick=tick))
+    packet = encode(replace(SAID, relayed=tuple(relayed)), RUN)
+    return robot, robot.answer(observation(tick=5, inbox=(packet,)))[1]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "cause", "named"),
+    [
+        (("r9", 3, 1.0, 1.0), "wrong-sender", "'r9'"),
+        (("", 3, 1.0, 1.0), "wrong-sender", "''"),
+        (("r3", 4, 1.0, 1.0), "out-of-turn", "of tick 4 at tick 4"),
+        (("r3", 5, 1.0, 1.0), "out-of-turn", "of tick 5 at tick 4"),
+        (("r3", 2**40, 1.0, 1.0), "out-of-turn", str(2**40)),
+        (("r1", 4, 1.0, 1.0), "out-of-turn", "'r1'"),
+    ],
+)
+def test_a_relayed_detection_that_cannot_be_is_refused_and_the_rest_of_the_packet_used(
+    wrong, cause, named
+):
+    sound = ("r4", 4 - 1, 8.0, 9.0)
+    robot, command = after_hearing([wrong, sound, wrong])
+    assert command.refused == {cause: 2}
+    assert len(robot.logged) == 2
+    for text in ("r2", named):
+        assert text in robot.logged[0]
+    assert command.team == ("r1", "r2")
+    clean, expected = after_hearing([sound])
+    assert replace(command, refused={}) == expected
+    assert robot.core._state == clean.core._state
+
+
+def test_the_own_detections_come_back_and_are_neither_refused_nor_believed():
+    robot, command = after_hearing([("r1", 3, 1.0, 1.0), ("r1", 2, 1.0, 1.0)])
+    clean, expected = after_hearing([])
+    assert command == expected
+    assert robot.core._state == clean.core._state
+
+
+def test_a_packet_is_sifted_anew_by_each_robot_that_gets_it():
+    # Decoded packets are remembered and shared by the robots of one process.
+    for _ in range(2):
+        assert after_hearing([("r9", 3, 1.0, 1.0)])[1].refused == {"wrong-sender": 1}
+
+
+def test_late_detections_that_were_ignored_are_reported_with_those_too_late_for_the_window():
+    late = [("r3", 2, 8.0, 8.0), ("r4", 1, 8.0, 8.0)]
+    _, command = after_hearing(late, late_detections="ignore")
+    assert command.refused == {"late-detection": 2}
+    assert command.estimate == pytest.approx((8.0, 9.0))
+    assert after_hearing(late)[1].refused == {}
+
+
+@pytest.mark.parametrize("every", [1, 2, 5])
+def test_a_robot_that_publishes_nothing_answers_with_its_command_alone(every):
+    robot = Robot(replace(SETUP, parameters={"publish_every_ticks": every}))
+    for tick in range(11):
+        sent = robot.tell("observation", observation(tick=tick))
+        channels = ["pose", "command"] if tick % every == 0 else ["command"]
+        assert [where for where, _ in sent] == [key(channel) for channel in channels]
+        command = decode(Command, sent[-1][1], RUN)
+        assert (command.tick, command.published) == (tick, len(sent) == 2)
+
+
 @pytest.mark.parametrize(
     "strange",
     [
+        pose("r2", 0, relayed=(("r3", 0, 1e308, 0.0),)),
         pose("r2", 0, position=(1e308, -1e308)),
         pose("r2", 0, position=(1e300, 0.0)),
         pose("r2", 0, velocity=(1e308, 1e308)),

@@ -9,11 +9,17 @@ from math import cos, hypot, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from agents.assignment import algorithm_1, assign, assign_by_enumeration, whole_microns
+from agents.assignment import (
+    algorithm_1,
+    assign,
+    assign_by_enumeration,
+    kept_or_assigned,
+    whole_microns,
+)
 from protocol.messages import QUANTUM_M
 
 CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
@@ -159,3 +165,56 @@ def test_sums_that_differ_by_rounding_noise_only_are_a_tie():
     for noise in (-1e-12, 1e-12):
         shaken = np.array(team) + np.array([[noise, 0.0], [0.0, noise]])
         assert assign(shaken, np.array([points]))[0][0].tolist() == [0, 1]
+
+
+def totals(team, points, own, kept):
+    """Smallest sums over all permutations, and over those in which ``own`` goes to ``kept``."""
+    costs = microns(team, points)
+    ways = list(permutations(range(len(team))))
+    sums = [sum(row[q] for row, q in zip(costs, way, strict=True)) for way in ways]
+    return min(sums), min(s for s, way in zip(sums, ways, strict=True) if way[own] == kept)
+
+
+def decided(team, points, own, previous, gain_m):
+    """The point ``own`` has been assigned, and the one it goes to."""
+    points = np.array(points)
+    assigned = assign(np.array(team), points[None])[0][0]
+    way = kept_or_assigned(np.array(team), points, assigned, own, previous, gain_m)
+    return int(assigned[own]), way
+
+
+@settings(CHEAP, max_examples=200)
+@given(
+    formations(st.floats(-20.0, 20.0)),
+    st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0)),
+    st.floats(0.0, 10.0),
+    st.data(),
+)
+def test_a_point_is_kept_unless_changing_it_gains_enough(formation, previous, gain_m, data):
+    team, points = formation
+    own = data.draw(st.integers(0, len(team) - 1))
+    away = sorted((hypot(x - previous[0], y - previous[1]), q) for q, (x, y) in enumerate(points))
+    assume(len(away) == 1 or away[1][0] - away[0][0] > 1e-6)
+    nearest = away[0][1]
+    best, keeping = totals(team, points, own, nearest)
+    assume(abs(keeping - best - gain_m / QUANTUM_M) > 2 * len(team))  # beyond rounding
+    assigned, way = decided(team, points, own, previous, gain_m)
+    assert way == (nearest if keeping - best <= gain_m / QUANTUM_M else assigned)
+
+
+@pytest.mark.parametrize(("gain_m", "way"), [(1.9, 1), (2.0, 0), (2.1, 0)])
+def test_a_gain_of_exactly_the_threshold_is_not_enough(gain_m, way):
+    # In order 2 m in all, crosswise 4 m: the robots stand a metre nearer to their own points.
+    team, points = [(1.0, 0.0), (2.0, 0.0)], [(3.0, 0.0), (0.0, 0.0)]
+    assert totals(team, points, 0, 0) == (2 * 2**20, 4 * 2**20)
+    assert decided(team, points, 0, (3.0, 0.0), gain_m) == (1, way)
+
+
+def test_of_two_points_equally_near_to_the_old_one_the_first_is_kept():
+    team, points = [(0.0, 3.0), (0.0, -3.0)], [(0.0, -4.0), (0.0, 4.0)]
+    assert decided(team, points, 0, (9.0, 0.0), 100.0) == (1, 0)
+    assert decided(team, points[::-1], 0, (9.0, 0.0), 100.0) == (0, 0)
+
+
+def test_one_robot_alone_has_one_point():
+    assert decided([(5.0, 5.0)], [(0.0, 1.0)], 0, (3.0, 3.0), 0.5) == (0, 0)

@@ -5,7 +5,16 @@ from dataclasses import replace
 from math import cos, hypot, sin
 
 import pytest
-from helpers_agents import TEAM, TICK_S, observation, pose, ring_of_rays, role, run_brain
+from helpers_agents import (
+    TEAM,
+    TICK_S,
+    observation,
+    pose,
+    ring_of_rays,
+    role,
+    run_actions,
+    run_brain,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -240,6 +249,49 @@ def test_the_pose_tells_position_velocity_and_the_own_detection_only():
     assert told.detection is None, "a peer's detection is not passed on as one's own"
     assert command.estimate == pytest.approx((4.0, 2.0))
     assert (told.mode, told.xi, told.point) == (command.mode, command.xi, command.point)
+
+
+def test_a_silent_tick_has_a_command_and_is_lived_like_any_other():
+    loud, quiet = role(), role(publish_every_ticks=5)
+    sensed = [observation(tick=t, position=(0.1 * t, 0.0), target=(5.0, 0.2 * t)) for t in range(9)]
+    heard = packets_at(3, pose("r2", 2, detection=(5.0, 0.5)))
+    (state, said), (quiet_state, rarely) = [
+        run_actions(part, sensed, heard) for part in (loud, quiet)
+    ]
+    assert quiet_state == state
+    for tick, (action, other) in enumerate(zip(rarely, said, strict=True)):
+        assert action.pose == (other.pose if tick in (0, 5) else None)
+        assert action.command == replace(other.command, published=tick in (0, 5))
+
+
+def test_the_velocity_told_is_that_of_the_last_tick_whenever_the_last_packet_was():
+    sensed = [observation(tick=t, position=(0.1 * t * t, 0.0)) for t in range(4)]
+    _, actions = run_actions(role(publish_every_ticks=3), sensed)
+    assert actions[3].pose.velocity == pytest.approx((0.5 / TICK_S, 0.0))
+
+
+def test_a_strategy_is_told_the_encirclement_point_it_chose_last():
+    views = []
+    points = iter([0, 3, None, 2])
+
+    def strategy(view):
+        views.append(view)
+        return Choice("ring", (0.0, 0.0), (1.5, 2.0 * len(views)), 0.0, next(points))
+
+    run_brain(role(strategy), waiting(4, target=(4.0, 0.0)), None)
+    assert [view.previous_goal for view in views] == [None, (1.5, 2.0), (1.5, 4.0), None]
+
+
+def test_a_point_headed_for_is_forgotten_when_the_target_is_lost():
+    strategy, views = spy()
+    part = role(lambda view: replace_point(strategy(view)), track_age_ticks_max=2)
+    seen_at = {0: (4.0, 0.0), 6: (4.0, 0.0)}
+    run_brain(part, [observation(tick=t, target=seen_at.get(t)) for t in range(8)], None)
+    assert [view.previous_goal is None for view in views] == [True, False, False, True, False]
+
+
+def replace_point(choice):
+    return choice._replace(point=1)
 
 
 def test_the_first_pose_has_no_velocity_and_sequences_go_up_by_one():

@@ -8,6 +8,8 @@ from helpers_world import small
 from scipy import stats
 
 from world import channel as radio
+from world.causes import Cause
+from world.delay import QUANTILES, whole_ticks
 from world.scenario import Delay, ScenarioError
 
 ALPHA = 1e-3
@@ -39,7 +41,7 @@ def test_bernoulli_loses_at_its_rate_on_every_link_alike(rate):
     fates = on_links(
         fates_of(channel("channel.loss.model=bernoulli", f"channel.loss.rate={rate}"), 4000)
     )
-    lost = fates == -radio.LOSS
+    lost = fates == -Cause.LOSS
     assert ((fates > 0) | lost).all()
     assert stats.binomtest(int(lost.sum()), lost.size, rate).pvalue > ALPHA
     per_link = lost.sum(axis=0)
@@ -81,7 +83,7 @@ def bursty(good_to_bad, bad_to_good, loss_good, loss_bad, robots=12):
 @pytest.mark.parametrize("burst", BURSTS)
 def test_gilbert_elliott_loses_at_its_stationary_rate(burst):
     good_to_bad, bad_to_good, loss_good, loss_bad = burst
-    lost = on_links(fates_of(bursty(*burst), 1500)) == -radio.BURST_LOSS
+    lost = on_links(fates_of(bursty(*burst), 1500)) == -Cause.BURST_LOSS
     bad = good_to_bad / (good_to_bad + bad_to_good)
     rate = bad * loss_bad + (1 - bad) * loss_good
     # Variance of a mean over a two-state chain: its correlation decays as memory**lag.
@@ -143,11 +145,18 @@ def test_the_declared_law_has_the_declared_mean_and_deviation(delay, law):
         assert law.std() == pytest.approx(delay.std_s)
 
 
+def quantile(delay):
+    by_ends = delay.model == "uniform"
+    first = delay.low_s if by_ends else delay.mean_s
+    second = delay.high_s if by_ends else delay.std_s
+    return lambda p: QUANTILES[delay.model](p, np.float64(first), np.float64(second))
+
+
 @BY_DELAY
 def test_quantiles_of_a_delay_are_those_of_its_law(delay, law):
     levels = np.array([1e-9, 1e-3, 0.1, 0.5, 0.9, 0.999, 1 - 1e-9])
-    np.testing.assert_allclose(radio.quantile(delay)(levels), law.ppf(levels), rtol=1e-7)
-    drawn = radio.quantile(delay)(np.random.default_rng(1).random(20_000))
+    np.testing.assert_allclose(quantile(delay)(levels), law.ppf(levels), rtol=1e-7)
+    drawn = quantile(delay)(np.random.default_rng(1).random(20_000))
     assert stats.kstest(drawn, law.cdf).pvalue > ALPHA
 
 
@@ -174,15 +183,15 @@ def test_a_delay_of_exactly_k_ticks_arrives_after_exactly_k_ticks(tick):
     tick_s, whole = float(tick), np.arange(1, 60_000)
     as_written = np.array([float(Decimal(tick) * k) for k in whole.tolist()])
     for delays in (whole * tick_s, as_written):
-        assert (radio.delay_ticks(delays, tick_s) == whole).all()
-    assert (radio.delay_ticks(whole * tick_s + 1e-3 * tick_s, tick_s) == whole + 1).all()
-    assert (radio.delay_ticks(whole * tick_s - 1e-3 * tick_s, tick_s) == whole).all()
+        assert (whole_ticks(delays, tick_s) == whole).all()
+    assert (whole_ticks(whole * tick_s + 1e-3 * tick_s, tick_s) == whole + 1).all()
+    assert (whole_ticks(whole * tick_s - 1e-3 * tick_s, tick_s) == whole).all()
 
 
 @pytest.mark.parametrize("denominator", [3, 7, 11, 60])
 def test_so_it_does_if_the_tick_is_no_decimal_fraction(denominator):
     whole = np.arange(1, 60_000)
-    assert (radio.delay_ticks(whole / denominator, 1 / denominator) == whole).all()
+    assert (whole_ticks(whole / denominator, 1 / denominator) == whole).all()
 
 
 @pytest.mark.parametrize(

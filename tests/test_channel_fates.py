@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from world import channel as radio
+from world.causes import Cause
 
 LATE = "channel.delay={model='gamma', mean_s=0.4, std_s=0.4}"
 WIDE = "channel.delay={model='uniform', low_s=0.0, high_s=1.0}"
@@ -146,7 +147,7 @@ def test_an_override_changes_its_own_links_and_no_other(override, links, base):
     affected[tuple(np.transpose(links))] = True
     plain = fates_of(*base)
     cut = fates_of(*base, f"channel.links=[{override}loss={{model='bernoulli', rate=1.0}}}}]")
-    assert (cut[:, affected] == -radio.LOSS).all()
+    assert (cut[:, affected] == -Cause.LOSS).all()
     assert (cut[:, ~affected] == plain[:, ~affected]).all()
     slow = fates_of(*base, f"channel.links=[{override}delay={{mean_s=0.9}}}}]")
     assert ((slow < 0) == (plain < 0)).all()
@@ -160,13 +161,13 @@ def test_of_two_overrides_of_a_link_the_later_counts_for_what_it_says():
     later = "{sender='r1', receiver='r2', loss={model='none'}}"
     fates = fates_of(f"channel.links=[{first}, {later}]", ticks=3)
     assert fates[:, 0, 1].tolist() == [5, 6, 7]
-    assert (fates[:, 0, 2:] == -radio.LOSS).all()
+    assert (fates[:, 0, 2:] == -Cause.LOSS).all()
 
 
 def test_bursts_on_one_link_leave_the_others_without_bursts():
     burst = "loss={model='gilbert-elliott', good_to_bad=1.0, bad_to_good=0.0}"
     fates = fates_of(f"channel.links=[{{sender='r1', receiver='r2', {burst}}}]")
-    assert (fates[:, 0, 1] == -radio.BURST_LOSS).all()
+    assert (fates[:, 0, 1] == -Cause.BURST_LOSS).all()
     fates[:, 0, 1] = 0
     assert (fates >= 0).all()
 

@@ -9,9 +9,28 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.codec import BYTES_MAX, NUMBER_MAX, Message, body_of, decode, decode_pose, encode
+from protocol import VERSION
+from protocol.codec import (
+    BYTES_MAX,
+    COUNT_MAX,
+    NUMBER_MAX,
+    Message,
+    body_of,
+    decode,
+    decode_pose,
+    encode,
+)
 from protocol.errors import WrongRun
-from protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+from protocol.messages import (
+    RELAYED_MAX,
+    Command,
+    End,
+    Observation,
+    Pose,
+    Radio,
+    Setup,
+    State,
+)
 
 CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
 
@@ -20,7 +39,10 @@ SAMPLES: dict[type[Any], Message] = {
     Observation: Observation(
         "r1", 7, (1.0, -2.5), 0.5, None, (6.0, 0.25), (("r2", 3.0, 4.0),), (b"\x01\x02",)
     ),
-    Pose: Pose("r2", 3, 3, (1.0, 2.0), (0.0, -1.5), (4.0, 0.5), "encircle", 2.0, 1),
+    Pose: Pose(
+        *("r2", 3, 3, (1.0, 2.0), (0.0, -1.5), (4.0, 0.5), "encircle", 2.0, 1),
+        relayed=(("r1", 2, 4.0, 0.25), ("r3", 1, 5.0, 0.0)),
+    ),
     Command: Command(
         "r1",
         7,
@@ -32,50 +54,54 @@ SAMPLES: dict[type[Any], Message] = {
         None,
         None,
         ("r1",),
+        False,
         {"malformed": 2},
     ),
     End: End("r1", 9, "captured"),
     State: State(5, ((0.0, 1.0),), (0.5,), (2.0, 3.0), False, (("r1", "target"),)),
-    Radio: Radio(4, ((0, 5), (-2, 0))),
+    Radio: Radio(4, ((0, 5), (-2, 0)), ((0, 7), (0, 0))),
 }
 
 # Each line of hex is a field: its name, then its value. The first is the map's size, v and run.
 GOLDEN = {
     Setup: """
-        87 a176 01 a372756e a26731 a5726f626f74 a27231 a47465616d 92a27231a27232
+        87 a176 02 a372756e a26731 a5726f626f74 a27231 a47465616d 92a27231a27232
         a67469636b5f73 cb3fb999999999999a a87374726174656779 a778692d73746172
         aa706172616d6574657273 82 ac77696e646f775f7469636b73 1e
         a778695f67726964 92cb0000000000000000cb3ff0000000000000""",
     Observation: """
-        8a a176 01 a372756e a26731 a5726f626f74 a27231 a47469636b 07
+        8a a176 02 a372756e a26731 a5726f626f74 a27231 a47469636b 07
         a8706f736974696f6e 92cb3ff0000000000000cbc004000000000000
         ab68656164696e675f726164 cb3fe0000000000000 a6746172676574 c0
         a47363616e 92cb4018000000000000cb3fd0000000000000
         a47365656e 9193a27232cb4008000000000000cb4010000000000000 a5696e626f78 91c4020102""",
     Pose: """
-        8b a176 01 a372756e a26731 a5726f626f74 a27232 a47469636b 03 a873657175656e6365 03
+        8c a176 02 a372756e a26731 a5726f626f74 a27232 a47469636b 03 a873657175656e6365 03
         a8706f736974696f6e 92cb3ff0000000000000cb4000000000000000
         a876656c6f63697479 92cb0000000000000000cbbff8000000000000
         a9646574656374696f6e 92cb4010000000000000cb3fe0000000000000
-        a46d6f6465 a8656e636972636c65 a27869 cb4000000000000000 a5706f696e74 01""",
+        a46d6f6465 a8656e636972636c65 a27869 cb4000000000000000 a5706f696e74 01
+        a772656c61796564 92 94a2723102cb4010000000000000cb3fd0000000000000
+        94a2723301cb4014000000000000cb0000000000000000""",
     Command: """
-        8d a176 01 a372756e a26731 a5726f626f74 a27231 a47469636b 07
+        8e a176 02 a372756e a26731 a5726f626f74 a27231 a47469636b 07
         a473746570 92cb3fd0000000000000cb0000000000000000
         a46d6f6465 a6736561726368 a27869 c0 a5706f696e74 c0
         a4676f616c 92cb3ff0000000000000cb4000000000000000 a8657374696d617465 c0
         a9707265646963746f72 c0 a47465616d 91a27231
-        a772656675736564 81a96d616c666f726d656402""",
+        a97075626c6973686564 c2 a772656675736564 81a96d616c666f726d656402""",
     End: """
-        85 a176 01 a372756e a26731 a5726f626f74 a27231 a47469636b 09
+        85 a176 02 a372756e a26731 a5726f626f74 a27231 a47469636b 09
         a6726561736f6e a86361707475726564""",
     State: """
-        88 a176 01 a372756e a26731 a47469636b 05
+        88 a176 02 a372756e a26731 a47469636b 05
         a6726f626f7473 9192cb0000000000000000cb3ff0000000000000
         ac68656164696e67735f726164 91cb3fe0000000000000
         a6746172676574 92cb4000000000000000cb4008000000000000 a86361707475726564 c2
         a8636f6e7461637473 9192a27231a6746172676574""",
     Radio: """
-        84 a176 01 a372756e a26731 a47469636b 04 a56661746573 92920005 92fe00""",
+        85 a176 02 a372756e a26731 a47469636b 04 a56661746573 92920005 92fe00
+        a6636f70696573 92920007 920000""",
 }
 
 numbers = st.floats(-NUMBER_MAX, NUMBER_MAX, exclude_min=True, exclude_max=True)
@@ -86,6 +112,8 @@ values = st.one_of(
     st.floats(allow_nan=False), st.integers(-(2**63), 2**64 - 1), st.booleans(), texts, st.none()
 )
 sightings = st.lists(st.tuples(texts, numbers, numbers), max_size=5).map(tuple)
+reports = st.tuples(texts, counts, numbers, numbers)
+tables = st.lists(st.lists(st.integers(1 - 2**53, 2**53 - 1), max_size=5).map(tuple), max_size=5)
 
 
 def tuples_of(items: Any, size: int = 5) -> Any:
@@ -123,6 +151,7 @@ messages = st.one_of(
         texts,
         st.none() | numbers,
         st.none() | counts,
+        tuples_of(reports, RELAYED_MAX),
     ),
     st.builds(
         Command,
@@ -136,6 +165,7 @@ messages = st.one_of(
         st.none() | points,
         st.none() | texts,
         tuples_of(texts),
+        st.booleans(),
         st.dictionaries(texts, counts, max_size=5),
     ),
     st.builds(End, texts, counts, texts),
@@ -148,7 +178,7 @@ messages = st.one_of(
         st.booleans(),
         tuples_of(st.tuples(texts, texts)),
     ),
-    st.builds(Radio, counts, tuples_of(tuples_of(st.integers(1 - 2**53, 2**53 - 1)))),
+    st.builds(Radio, counts, tables.map(tuple), tables.map(tuple)),
 )
 run_names = st.text(string.ascii_letters + string.digits + "-_", min_size=1, max_size=31)
 
@@ -190,7 +220,7 @@ def test_the_largest_and_smallest_numbers_survive_the_round_trip_everywhere(x):
 @given(messages)
 def test_encoding_is_that_of_plain_msgpack_in_field_order(message):
     fields = {name: getattr(message, name) for name in type(message).__slots__}
-    assert encode(message, "g1") == msgpack.packb({"v": 1, "run": "g1", **fields})
+    assert encode(message, "g1") == msgpack.packb({"v": VERSION, "run": "g1", **fields})
 
 
 def fields_of(message):
@@ -217,6 +247,27 @@ def test_decoded_messages_hold_tuples_so_that_they_are_hashable():
     assert hash(decoded) == hash(SAMPLES[Observation])
 
 
+def test_whole_numbers_are_taken_in_what_is_relayed():
+    body = msgpack.unpackb(encode(SAMPLES[Pose], "g1"))
+    payload = msgpack.packb(body | {"relayed": [["r1", 2, 4, 0.25], ["r3", 1, 5, 0]]})
+    assert decode(Pose, payload, "g1") == decode_pose(payload, "g1") == SAMPLES[Pose]
+    assert [type(x) for report in decode_pose(payload, "g1").relayed for x in report[2:]] == [
+        float
+    ] * 4
+
+
+def test_the_longest_packet_of_a_robot_of_ours_fits():
+    # Names of robots and runs have at most 31 letters, modes of ours at most 8.
+    x = nextafter(NUMBER_MAX, 0.0)
+    relayed = (("r" * 31, COUNT_MAX, x, -x),) * RELAYED_MAX
+    longest = Pose(
+        "r" * 31, COUNT_MAX, COUNT_MAX, (x, x), (x, x), (x, x), "encircle", x, COUNT_MAX, relayed
+    )
+    payload = encode(longest, "g" * 31)
+    assert len(payload) < BYTES_MAX[Pose]
+    assert decode_pose(payload, "g" * 31) == longest
+
+
 def test_decode_pose_is_decode_and_checks_the_run_each_time():
     payload = encode(SAMPLES[Pose], "g1")
     assert decode_pose(payload, "g1") == SAMPLES[Pose]
@@ -228,7 +279,7 @@ def test_decode_pose_is_decode_and_checks_the_run_each_time():
 @pytest.mark.parametrize(
     "message",
     [
-        Pose("r" * 600, 0, 0, (0.0, 0.0), (0.0, 0.0), None, "m", None, None),
+        Pose("r" * 2100, 0, 0, (0.0, 0.0), (0.0, 0.0), None, "m", None, None),
         End("r1", 0, "x" * 2000),
         Setup("r1", ("r1",), 0.1, "xi-star", {"x" * 70_000: 1}),
     ],

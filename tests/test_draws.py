@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from world.draws import Purpose, link_uniforms, uniforms
+from world.draws import Purpose, block_ticks, link_block, link_uniforms, uniforms
 
 ALPHA = 1e-3
 WORD = 2**64 - 1
@@ -66,6 +66,60 @@ def test_a_link_has_the_same_draw_whatever_the_size_of_the_team(robots, more):
     large = link_uniforms(5, Purpose.LOSS, 17, robots + more)
     assert small.shape == (robots, robots)
     assert (large[:robots, :robots] == small).all()
+
+
+def place(sender, receiver):
+    """Szudzik's pairing: where a link's draw stands, whatever the size of the team."""
+    if sender < receiver:
+        return receiver**2 + sender
+    return sender**2 + sender + receiver
+
+
+@settings(deadline=None, derandomize=True, max_examples=40)
+@given(seed=SEEDS, purpose=PURPOSES, tick=TICKS, robots=st.integers(1, 9))
+def test_links_draw_what_their_seed_purpose_and_tick_mean_whatever_is_drawn_at_once(
+    seed, purpose, tick, robots
+):
+    drawn = link_uniforms(seed, purpose, tick, robots)
+    places = expected(seed, purpose, tick, robots * robots)
+    for sender in range(robots):
+        for receiver in range(robots):
+            assert drawn[sender, receiver] == places[place(sender, receiver)]
+
+
+@pytest.mark.parametrize("robots", [1, 2, 4, 8, 9, 16, 33, 64, 65, 256])
+def test_a_block_holds_its_ticks_one_by_one_and_is_of_bounded_size(robots):
+    ticks = block_ticks(robots)
+    block = link_block(3, Purpose.LOSS, 2, robots)
+    assert block.shape == (ticks, robots, robots)
+    assert 1 <= ticks <= 64
+    assert ticks == 1 or block.size <= 4096
+    for k in (0, ticks // 2, ticks - 1):
+        assert (block[k] == link_uniforms(3, Purpose.LOSS, 2 * ticks + k, robots)).all()
+        by_place = uniforms(3, Purpose.LOSS, 2 * ticks + k, robots**2)
+        assert block[k][-1, 0] == by_place[place(robots - 1, 0)]
+
+
+def test_draws_that_are_kept_cannot_be_changed():
+    for _ in range(2):
+        drawn = link_uniforms(1, Purpose.LOSS, 5, 4)
+        with pytest.raises(ValueError, match="read-only"):
+            drawn[0, 1] = 0.5
+
+
+def test_numbers_of_purposes_are_never_changed():
+    assert {purpose.name: purpose.value for purpose in Purpose} == {
+        "PLACEMENT": 1,
+        "DETECTION_NOISE": 2,
+        "LOSS": 3,
+        "BURST_STATE": 4,
+        "BURST_LOSS": 5,
+        "DELAY": 6,
+        "JITTER": 7,
+        "TRACE_START": 8,
+        "COPY": 9,
+        "COPY_DELAY": 10,
+    }
 
 
 @pytest.mark.parametrize("robots", [2, 7, 64])

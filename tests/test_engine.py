@@ -126,7 +126,7 @@ def test_a_silent_robots_packets_are_lost_in_its_ticks_and_no_others():
     hunted = arena("events=[{kind='silence', tick=2, ticks=3, robot='r2'}]")
     state = engine.initial(hunted)
     for tick in range(8):
-        state, fates = engine.advance(hunted, state, np.zeros((4, 2)), packets(tick))
+        state, (fates, _) = engine.advance(hunted, state, np.zeros((4, 2)), packets(tick))
         causes = {CAUSES[-f] for f in fates[fates < 0].tolist()}
         if 2 <= tick < 5:
             assert causes == {"sender-silent", "receiver-silent"}
@@ -134,6 +134,51 @@ def test_a_silent_robots_packets_are_lost_in_its_ticks_and_no_others():
             assert (fates[1] < 0).sum() == (fates[:, 1] < 0).sum() == 3
         else:
             assert causes == set()
+
+
+def test_a_robot_without_a_packet_sends_nothing_and_the_others_as_before():
+    changes = (
+        "channel.loss={model='burst', rate=0.3, burst_packets=3}",
+        "channel.delay={model='exponential', mean_s=0.2}",
+        "channel.duplication.rate=0.3",
+    )
+    hunted = arena(*changes)
+    silent, spoken = engine.initial(hunted), engine.initial(hunted)
+    for tick in range(30):
+        some = [p if (tick + k) % 3 else None for k, p in enumerate(packets(tick))]
+        silent, fates = engine.advance(hunted, silent, np.zeros((4, 2)), some)
+        spoken, before = engine.advance(hunted, spoken, np.zeros((4, 2)), packets(tick))
+        for k, packet in enumerate(some):
+            for found, full in zip(fates, before, strict=True):
+                assert (found[k] == (0 if packet is None else full[k])).all()
+        inboxes = [set(o.inbox) for o in engine.observe(hunted, silent)]
+        assert all(packet is not None for inbox in inboxes for packet in inbox)
+
+
+def test_a_copy_is_delivered_besides_its_packet_with_the_same_bytes():
+    hunted = arena("channel.duplication.rate=1.0", "channel.delay.mean_s=0.2")
+    state = engine.initial(hunted)
+    for tick in range(6):
+        inbox = engine.observe(hunted, state)[0].inbox
+        sent = [p for p in packets(tick - 2)[1:] for _ in (0, 1)] if tick >= 2 else []
+        assert sorted(inbox) == sorted(sent)
+        state, _ = engine.advance(hunted, state, np.zeros((4, 2)), packets(tick))
+
+
+def test_who_is_in_range_is_asked_where_the_robots_are_as_they_send():
+    # r1 walks away from the others, who stand still, at 0.3 m a tick.
+    hunted = arena("channel.loss={model='range', cutoff_m=9.0}", target={"position": [0.0, 9.0]})
+    steps = np.array([[0.3, 0.0], *[[0.0, 0.0]] * 3])
+    state = engine.initial(hunted)
+    for tick in range(12):
+        places = state.positions[:4]
+        state, (due, _) = engine.advance(hunted, state, steps, packets(tick))
+        for s in range(4):
+            for r in range(4):
+                if s != r:
+                    far = dist(places[s], places[r]) > 9.0
+                    assert due[s, r] == (-5 if far else tick + 1)
+    assert (due < 0).any()
 
 
 def test_packets_arrive_when_the_radio_said_in_the_order_sent_with_their_bytes():
@@ -147,7 +192,7 @@ def test_packets_arrive_when_the_radio_said_in_the_order_sent_with_their_bytes()
             assert observation.tick == tick
             due = sorted(expected.pop((tick, robot), []))
             assert list(observation.inbox) == [packets(sent)[sender] for sent, sender in due]
-        state, fates = engine.advance(hunted, state, np.zeros((4, 2)), packets(tick))
+        state, (fates, _) = engine.advance(hunted, state, np.zeros((4, 2)), packets(tick))
         for sender, receiver in np.argwhere(fates > 0).tolist():
             due = int(fates[sender, receiver])
             assert due > tick

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
-from agents.kalman import NO_TRACK, covariance_step, fold
+from agents.kalman import NO_TRACK, covariance_step, fold, next_estimate
 from protocol.parameters import Parameters
 
 CHEAP = settings(max_examples=40, deadline=None, derandomize=True)
@@ -197,6 +197,67 @@ def test_a_late_detection_after_the_track_was_given_up_starts_it_anew():
     late = (4, 1, 1.5, 2.0)
     assert folded(seen, 7, parameters).estimate is None
     assert_same(folded([*seen, (8, late)], 8, parameters).estimate, reference([late], 8))
+
+
+@pytest.mark.parametrize(("age_max", "window"), [(5, 30), (29, 30), (30, 30), (5, 8), (60, 30)])
+@pytest.mark.parametrize("copy_tick", [0, 2, 4])
+def test_a_copy_of_what_a_given_up_track_was_fed_with_does_not_feed_the_next(
+    age_max, window, copy_tick
+):
+    parameters = replace(
+        P, track_age_ticks_max=age_max, window_ticks=window, spline_spacing_ticks=1
+    )
+    before = [(t, (t, 0, 1.0, 2.0)) for t in range(5)]
+    tick = 4 + age_max + 2  # the tick after the one at which the track is given up
+    again = [(t, (t, 0, 7.0, 0.1 * t)) for t in range(tick, tick + 3)]
+    copy = (copy_tick, 0, 1.0, 2.0)
+    for arrival in range(tick - 1, tick + 3):
+        copied = folded([*before, *again, (arrival, copy)], tick + 3, parameters)
+        clean = folded([*before, *again], tick + 3, parameters)
+        assert copied._replace(dropped=0) == clean
+        assert_same(copied.estimate, reference([d for _, d in again], tick + 3, parameters))
+
+
+IGNORE = replace(P, late_detections="ignore")
+
+
+@CHEAP
+@given(hunts(28, 28))
+def test_where_late_detections_are_ignored_the_rest_is_filtered_as_without_them(hunt):
+    _, arrivals = hunt
+    timely = [arrival for arrival in arrivals if arrival[0] - arrival[1][0] <= 1]
+    track, clean = folded(arrivals, 28, IGNORE), folded(timely, 28)
+    assert track._replace(dropped=0) == clean
+    # Counted is what is not known, at each tick at which it arrives.
+    known = {detection for _, detection in timely}
+    assert track.dropped == len({late for late in arrivals if late[1] not in known})
+
+
+@pytest.mark.parametrize(("late", "used"), [(0, True), (1, True), (2, False), (29, False)])
+def test_late_is_what_an_undelayed_link_would_have_brought_earlier(late, used):
+    regular = [(t, (t, 0, 0.0, 0.0)) for t in range(61)]
+    late_one = (60, (60 - late, 1, 5.0, 5.0))
+    track = folded([*regular, late_one], 60, IGNORE)
+    assert track.dropped == (0 if used else 1)
+    assert (track.estimate != folded(regular, 60).estimate) == used
+
+
+def test_a_late_copy_of_what_is_known_is_not_counted_as_ignored():
+    arrivals = [(3, (2, 1, 5.0, 5.0)), (6, (2, 1, 5.0, 5.0)), (6, (2, 2, 5.0, 5.0))]
+    track = folded(arrivals, 8, IGNORE)
+    assert track.dropped == 1
+    assert_same(track.estimate, reference([(2, 1, 5.0, 5.0)], 8))
+
+
+@CHEAP
+@given(hunts(25, 0))
+def test_in_order_the_filter_needs_no_window(hunt):
+    detections, arrivals = hunt
+    estimate = None
+    for tick in range(26):
+        now = tuple(sorted(detection for detection in detections if detection[0] == tick))
+        estimate = next_estimate(estimate, now, TICK_S, P)
+    assert estimate == folded(arrivals, 25).estimate
 
 
 @pytest.mark.parametrize("silent_ticks", [0, 10, 29, 30, 31, 100])

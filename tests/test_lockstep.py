@@ -1,7 +1,7 @@
 """The lock-step table against a model that knows only who still owes a pose or a command.
 
 The model of a robot is the set of answers it owes, None if it is not of the run now; it shares no
-phase names with the code.
+phase names with the code. A command alone settles both, so it is legal where both are owed.
 """
 
 import pytest
@@ -23,7 +23,12 @@ PATHS = {
 LEGAL = {
     "absent": {"join": "idle"},
     "idle": {"ask": "asked", "leave": "left"},
-    "asked": {"pose": "posed", "command": "commanded", "leave": "left"},
+    "asked": {
+        "pose": "posed",
+        "command": "commanded",
+        "command alone": "idle",
+        "leave": "left",
+    },
     "posed": {"command": "idle", "leave": "left"},
     "commanded": {"pose": "idle", "leave": "left"},
     "left": {},
@@ -73,6 +78,23 @@ def test_an_answer_for_another_tick_is_out_of_turn_and_changes_nothing(tick):
         table.move("r1", Move.POSE, tick)
     assert table.in_phase(Phase.ASKED) == ("r1",)
     assert table.move("r1", Move.POSE, 5) is Phase.POSED
+
+
+def test_a_round_of_commands_alone_is_complete_and_takes_no_poses_after():
+    table = LockStep(["r1", "r2"])
+    for robot in ("r1", "r2"):
+        table.move(robot, Move.JOIN)
+    table.ask_all(0)
+    table.move("r2", Move.COMMAND_ALONE, 0)
+    assert table.waiting() == ("r1",)
+    table.move("r1", Move.POSE, 0)
+    with pytest.raises(OutOfTurn, match="command alone of r1 at tick 0: it is posed"):
+        table.move("r1", Move.COMMAND_ALONE, 0)
+    table.move("r1", Move.COMMAND, 0)
+    assert table.complete
+    with pytest.raises(OutOfTurn, match="pose of r2 at tick 0: it is idle"):
+        table.move("r2", Move.POSE, 0)
+    assert table.ask_all(1) == ("r1", "r2")
 
 
 def test_asking_before_everyone_answered_is_our_own_mistake():
@@ -125,6 +147,13 @@ class AgainstTheModel(RuleBasedStateMachine):
         legal = late == 0 and move in self.owed.get(robot, ())
         if self.expect(legal, robot, move, self.tick + late):
             self.owed[robot].remove(move)
+
+    @rule(robot=st.sampled_from((*robots, "r9")), late=st.sampled_from((0, 0, 0, 1, -1)))
+    def answer_with_a_command_alone(self, robot, late):
+        owed = self.owed.get(robot)
+        legal = late == 0 and owed == {Move.POSE, Move.COMMAND}
+        if self.expect(legal, robot, Move.COMMAND_ALONE, self.tick + late):
+            owed.clear()
 
     @rule(robot=st.sampled_from((*robots, "r9")))
     def leave(self, robot):

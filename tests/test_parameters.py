@@ -31,6 +31,50 @@ def test_the_stop_distance_is_both_radii_and_a_step():
     assert p.stop_distance_m == pytest.approx(p.radius_m + p.target_radius_m + p.step_m_max)
 
 
+def test_by_default_nothing_is_done_against_bad_communication_but_what_always_was():
+    p = Parameters()
+    assert (p.publish, p.publish_every_ticks, p.detections) == ("always", 1, "own")
+    assert (p.late_detections, p.peer_policy, p.switch_gain_m) == ("refilter", "extrapolate", 0.0)
+    assert p.extrapolate_ticks_max >= 100_000, "as long as a peer may be old"
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("publish_every_ticks", 1, 100_000),
+        ("publish_error_m", 0.0, 1e4),
+        ("publish_age_ticks_max", 1, 100_000),
+        ("relay_age_ticks_max", 1, 500),
+        ("extrapolate_ticks_max", 0, 100_000),
+        ("switch_gain_m", 0.0, 1e4),
+    ],
+)
+def test_the_answers_to_bad_communication_have_ranges(name, low, high):
+    for value in (low, high):
+        assert getattr(Parameters.from_mapping({name: value}), name) == value
+    for value in (low - 1, high + 1):
+        message = problems_of({name: value})
+        assert f"{name} = " in message
+        assert f"from {low:g} to {high:g}" in message
+
+
+@pytest.mark.parametrize(
+    ("name", "choices"),
+    [
+        ("publish", ("always", "event")),
+        ("detections", ("own", "relay")),
+        ("late_detections", ("refilter", "ignore")),
+    ],
+)
+def test_the_answers_to_bad_communication_have_choices(name, choices):
+    for choice in choices:
+        assert getattr(Parameters.from_mapping({name: choice}), name) == choice
+    message = problems_of({name: "sometimes"})
+    assert "'sometimes'" in message
+    for choice in choices:
+        assert choice in message
+
+
 def test_defaults_have_no_problems_and_an_empty_mapping_gives_them():
     assert Parameters().problems() == []
     assert Parameters.from_mapping({}) == Parameters()

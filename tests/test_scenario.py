@@ -17,8 +17,16 @@ FULL = {
     "events": [
         {"kind": "move-target", "tick": 3, "position": [1.0, 1.0]},
         {"kind": "silence", "tick": 3, "ticks": 2, "robot": "r1"},
+        {"kind": "outage", "tick": 3, "ticks": 2, "sender": "r1"},
+        {"kind": "partition", "tick": 3, "ticks": 2, "groups": [["r1"], ["r2"]]},
     ],
-    "channel": {"links": [{"sender": "r1", "loss": {"model": "bernoulli", "rate": 0.5}}]},
+    "channel": {
+        "links": [{"sender": "r1", "loss": {"model": "bernoulli", "rate": 0.5}}],
+        "loss": {"model": "trace", "values": [0, 1], "mode": "shifted"},
+        "delay": {"model": "trace", "values": [0.5, None]},
+        "duplication": {"rate": 0.1},
+        "rate_limit": {"packets_per_s": 3.5},
+    },
 }
 
 

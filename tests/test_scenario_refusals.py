@@ -17,6 +17,8 @@ FULL = {
     "events": [
         {"kind": "move-target", "tick": 3, "position": [1.0, 1.0]},
         {"kind": "silence", "tick": 3, "ticks": 2, "robot": "r1"},
+        {"kind": "outage", "tick": 3, "ticks": 2},
+        {"kind": "partition", "tick": 3, "ticks": 2, "groups": [["r1"], ["r2"]]},
     ],
     "channel": {"links": [{"sender": "r1", "loss": {"model": "bernoulli", "rate": 0.5}}]},
 }
@@ -86,6 +88,8 @@ def test_a_value_out_of_range_is_refused_with_its_key_and_value(key, text):
         ("team.positions.1.0", "100001"),
         ("events.0.tick", "0"),
         ("events.1.ticks", "0"),
+        ("events.2.ticks", "0"),
+        ("events.3.tick", "-1"),
         ("channel.links.0.loss.rate", "-0.25"),
     ],
 )
@@ -110,6 +114,8 @@ def test_a_bad_value_in_a_list_is_named_by_its_place(key, text):
         "obstacles.0.",
         "events.0.",
         "events.1.",
+        "events.2.",
+        "events.3.",
     ],
 )
 def test_an_unknown_key_is_refused_with_its_value(table):
@@ -204,6 +210,12 @@ def test_a_scenario_without_a_team_or_with_an_unsized_one_is_refused():
     assert "team: give either robots (a number) or positions" in refusal(tree={"team": {}})
 
 
+def test_a_bad_item_of_a_list_hides_no_other_problem():
+    said = refusal("events.0.tick=0", "capture.count=9", "team.strategy=none", tree=FULL)
+    assert "3 problems" in said
+    assert all(f"  {key} = " in said for key in ("events.0.tick", "capture.count", "team.strategy"))
+
+
 def test_all_bad_values_are_reported_at_once():
     changes = ["tick_s=-1.0", "team.radius_m=0", "colour=1", "channel.loss.rate=2.0"]
     said = refusal(*changes)
@@ -247,27 +259,31 @@ def test_a_behaviours_parameter_of_a_senseless_value_is_refused_before_the_run(
     assert parameters[1:].partition("=")[0] in said
 
 
+KEYS = ["kind", "tick", "robot", "position", "radius_m", "model", "loss", "delay", "file"]
+KEYS += ["values", "links", "sender", "rate", "groups", "mean_s"]
 VALUES = st.recursive(
     st.none()
     | st.booleans()
     | st.integers(-(2**70), 2**70)
     | st.floats()
-    | st.sampled_from(["r1", "flee", "patrol", "gamma", "uniform", "silence", "", "x" * 99]),
+    | st.sampled_from(
+        ["r1", "flee", "patrol", "gamma", "uniform", "silence", "trace", "outage", "", "x" * 99]
+    ),
     lambda inner: (
         st.lists(inner, max_size=3)
         | st.dictionaries(
-            st.sampled_from(["kind", "tick", "robot", "position", "radius_m", "model", "loss"]),
+            st.sampled_from(KEYS),
             inner,
             max_size=3,
         )
     ),
     max_leaves=5,
 )
-TEAM = ["robots", "positions", "placement", "radius_m", "strategy", "motion"]
+TEAM = ["robots", "positions", "placement", "radius_m", "strategy", "motion", "jitter_m"]
 TABLES = {
     "target": ["position", "behaviour", "parameters", "heading_rad"],
     "robot": ["xi_grid", "spline_samples", "search", "window_ticks", "clearance_m"],
-    "channel": ["loss", "delay", "links", "order"],
+    "channel": ["loss", "delay", "links", "order", "duplication", "rate_limit"],
     "capture": ["count", "stop_distance_m"],
 }
 

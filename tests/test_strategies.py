@@ -36,14 +36,14 @@ teams = st.lists(places, min_size=1, max_size=5)
 DRIFT = (0.2, -0.1)
 
 
-def view(positions, own=0, target=(0.0, 0.0), drift=DRIFT, parameters=P):
+def view(positions, own=0, target=(0.0, 0.0), drift=DRIFT, parameters=P, goal=None):
     """A view in which the target is predicted to move on by ``drift`` per step."""
 
     def predict(grid):
         steps = np.array(grid)[:, None]
         return np.array(target) + steps * np.array(drift), "velocity"
 
-    return View(own, tuple(positions), target, predict, parameters)
+    return View(own, tuple(positions), target, predict, parameters, goal)
 
 
 def planned(positions, target, grid):
@@ -105,6 +105,75 @@ def test_fixed_steps_look_exactly_that_far_ahead(strategy, xi):
     _, way, ring, _ = planned(positions, (0.0, 0.0), (xi,))[0]
     assert (choice.xi, choice.point) == (xi, way[0])
     assert choice.goal == pytest.approx(ring[way[0]])
+
+
+@CHEAP
+@given(teams, places, places, st.data())
+def test_a_point_once_chosen_is_kept_unless_another_gains_the_team_enough(
+    positions, target, goal, data
+):
+    assume(max(hypot(x - target[0], y - target[1]) for x, y in positions) > 6.01)
+    own = data.draw(st.integers(0, len(positions) - 1))
+    free = encircle_or_shrink(view(positions, own, target))
+    # xi* is chosen as ever, and the ring is the one at xi*.
+    _, way, ring, clear = planned(positions, target, (free.xi,))[0]
+    assume(clear and way[own] == free.point)
+    away = sorted((hypot(x - goal[0], y - goal[1]), q) for q, (x, y) in enumerate(ring))
+    assume(len(away) == 1 or away[1][0] - away[0][0] > 1e-6)
+    nearest = away[0][1]
+
+    def total(way):
+        return sum(
+            hypot(x - ring[q][0], y - ring[q][1]) for (x, y), q in zip(positions, way, strict=True)
+        )
+
+    ways = list(permutations(range(len(positions))))
+    loss = min(total(w) for w in ways if w[own] == nearest) - min(map(total, ways))
+    for gain_m in (0.1, 1.0, 30.0):
+        assume(abs(loss - gain_m) > 1e-4)
+        parameters = replace(P, switch_gain_m=gain_m)
+        choice = encircle_or_shrink(view(positions, own, target, parameters=parameters, goal=goal))
+        assert choice.point == (nearest if loss < gain_m else free.point)
+        assert choice.xi == free.xi
+        assert choice.goal == pytest.approx(ring[choice.point])
+        x, y = positions[own]
+        assert choice.step == pytest.approx((choice.goal[0] - x, choice.goal[1] - y))
+
+
+@CHEAP
+@given(teams, places, places)
+def test_by_default_and_without_a_point_to_keep_the_choice_is_free(positions, target, goal):
+    free = encircle_or_shrink(view(positions, 0, target))
+    assert encircle_or_shrink(view(positions, 0, target, goal=goal)) == free
+    keeping = replace(P, switch_gain_m=100.0)
+    assert encircle_or_shrink(view(positions, 0, target, parameters=keeping)) == free
+
+
+def test_by_default_a_tie_is_broken_as_ever_whatever_was_chosen_before():
+    robots = [(10.0, 0.0), (10.0, 0.0)]
+    assert encircle_or_shrink(view(robots, 0, drift=(0.0, 0.0))).point == 0
+    assert encircle_or_shrink(view(robots, 0, drift=(0.0, 0.0), goal=(-4.0, 0.0))).point == 0
+    keeping = replace(P, switch_gain_m=1e-6)
+    kept = encircle_or_shrink(view(robots, 0, (0.0, 0.0), (0.0, 0.0), keeping, (-4.0, 0.0)))
+    assert kept.point == 1
+
+
+def test_a_robot_between_two_points_does_not_turn_back_and_forth():
+    # Two robots beside the middle between the two points of the ring that a third one, far off,
+    # holds in place. Which of the two is nearer to which point changes with every tick of noise.
+    def goals(gain_m):
+        goal, found = None, []
+        for tick in range(8):
+            noise = 0.05 if tick % 2 else -0.05
+            robots = [(-1.0, noise), (-1.0, -noise), (10.0, 0.0)]
+            parameters = replace(P, switch_gain_m=gain_m, xi_grid=(0.0,))
+            goal = encircle_or_shrink(view(robots, 0, parameters=parameters, goal=goal)).goal
+            found.append(goal[1] > 0.0)
+        return found
+
+    assert goals(0.0) == [False, True] * 4
+    assert goals(0.01) == [False, True] * 4
+    assert goals(0.5) == [False] * 8
 
 
 def square(radius, count=4):

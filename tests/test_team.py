@@ -86,6 +86,30 @@ def test_a_stale_peer_is_held_or_moved_on_by_its_velocity(policy, x):
     assert team.positions[0] == (x, 5.0)
 
 
+@pytest.mark.parametrize(
+    ("trusted", "x"), [(0, 1.0), (1, 1.25), (3, 1.75), (4, 2.0), (5, 2.0), (100_000, 2.0)]
+)
+def test_a_peer_is_moved_on_no_further_than_extrapolation_is_trusted(trusted, x):
+    table = ((2, 1.0, 5.0, 0.25, -0.5), None)
+    team = team_of(table, 1, (0.0, 0.0), 6, replace(P, extrapolate_ticks_max=trusted))
+    assert team.positions[0] == (x, 5.0 - 2.0 * (x - 1.0))
+
+
+def test_by_default_extrapolation_is_trusted_for_as_long_as_a_peer_may_belong_to_the_team():
+    oldest = 100_000  # the largest that peer_age_ticks_max may be
+    assert replace(P, peer_age_ticks_max=oldest).problems() == []
+    assert replace(P, peer_age_ticks_max=oldest + 1).problems() != []
+    table = ((0, 1.0, 5.0, 0.25, 0.0), None)
+    team = team_of(table, 1, (0.0, 0.0), oldest, replace(P, peer_age_ticks_max=oldest))
+    assert team.positions[0] == (1.0 + 0.25 * oldest, 5.0)
+
+
+def test_each_peer_has_its_own_age():
+    table = ((6, 1.0, 0.0, 1.0, 0.0), (2, 2.0, 0.0, 1.0, 0.0), (4, 3.0, 0.0, 1.0, 0.0))
+    team = team_of((*table, None), 3, (9.0, 9.0), 6, replace(P, extrapolate_ticks_max=2))
+    assert team.positions == ((1.0, 0.0), (4.0, 0.0), (5.0, 0.0), (9.0, 9.0))
+
+
 @pytest.mark.parametrize("policy", ["hold", "extrapolate"])
 def test_this_robot_is_where_it_is_whatever_the_table_says_of_it(policy):
     table = ((2, 9.0, 9.0, 1.0, 1.0), (6, 1.0, 1.0, 0.0, 0.0))

@@ -19,10 +19,11 @@ from helpers_world import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.codec import decode, encode
+from protocol import VERSION
+from protocol.codec import BYTES_MAX, decode, encode
 from protocol.errors import OutOfTurn
 from protocol.keys import robot_key, world_key
-from protocol.messages import End, Observation, Setup
+from protocol.messages import Command, End, Observation, Pose, Setup
 from world.core import WorldCore
 
 LIVELY = (
@@ -59,9 +60,9 @@ def refusals(tick):
         ("malformed", key("r1", "command"), packed(asked, step=[0.1])),
         ("malformed", key("r1", "command"), packed(asked, tick="now")),
         ("malformed", key("r1", "command"), packed(asked, tick=-1)),
-        ("oversized", key("r1", "pose"), packed(said, mode="x" * 600)),
-        ("oversized", key("r1", "command"), packed(asked, mode="x" * 5000)),
-        ("wrong-version", key("r1", "pose"), packed(said, v=2)),
+        ("oversized", key("r1", "pose"), packed(said, mode="x" * BYTES_MAX[Pose])),
+        ("oversized", key("r1", "command"), packed(asked, mode="x" * BYTES_MAX[Command])),
+        ("wrong-version", key("r1", "pose"), packed(said, v=VERSION + 1)),
         ("wrong-version", key("r1", "pose"), packed(said, v=...)),
         ("wrong-run", key("r1", "pose"), packed(said, run="another")),
         ("wrong-run", key("r1", "command"), encode(asked, "another")),

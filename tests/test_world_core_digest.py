@@ -31,6 +31,14 @@ def test_the_same_run_has_the_same_digest_recorded_or_not_whatever_it_is_called(
         assert played(arena(*LIVELY), name).result() == PLAIN
 
 
+def test_the_runs_name_takes_no_time_to_send():
+    # Thirty bytes more than the hundred or so of a packet would fill the queue much sooner.
+    limit = "channel.rate_limit={bytes_per_s=900, queue_packets_max=2}"
+    results = [played(arena(*LIVELY, limit), name).result() for name in ("x", "z" * 31)]
+    assert results[0] == results[1]
+    assert results[0].packets_lost["queue-full"] > 0
+
+
 def test_the_runs_name_does_not_show_if_robots_put_their_fields_in_another_order():
     # As a robot in another language may; decoding asks for no order.
     digests = set()
@@ -113,6 +121,13 @@ def test_words_about_a_scenario_do_not_show_in_the_digest(change):
         "channel.delay.high_s=0.6",
         "channel.order=kept",
         "channel.links=[{sender='r1', delay={mean_s=0.3}}]",
+        "channel.duplication.rate=0.1",
+        "channel.rate_limit.packets_per_s=30.0",
+        "channel.loss={model='trace', values=[0, 1]}",
+        "channel.loss={model='burst', rate=0.3, burst_packets=1.5}",
+        "events=[{kind='outage', tick=5, ticks=1}]",
+        "events=[{kind='partition', tick=5, ticks=1, groups=[['r1'], ['r2']]}]",
+        "team.jitter_m=0.001",
         "capture.stop_distance_m=1.4",
         "capture.count=2",
     ],
@@ -166,9 +181,9 @@ def nudged(after, fates):
 
 
 def delayed(after, fates):
-    fates = fates.copy()
-    fates[0, 1] += 1
-    return after, fates
+    due = fates.due.copy()
+    due[0, 1] += 1
+    return after, fates._replace(due=due)
 
 
 @pytest.mark.parametrize("change", [nudged, delayed])
@@ -196,6 +211,10 @@ def test_the_truth_at_every_tick_and_every_packets_fate_show_in_the_digest(
         (),
         ("events=[{kind='silence', tick=2, ticks=3, robot='r1'}]",),
         ("channel.loss={model='gilbert-elliott', good_to_bad=0.4, bad_to_good=0.4}",),
+        (*LIVELY, "channel.duplication.rate=0.4"),
+        (*LIVELY, "channel.duplication.rate=1.0", "channel.order=kept"),
+        (*LIVELY, "channel.rate_limit={packets_per_s=7, queue_packets_max=1}"),
+        ("channel.loss={model='distance', midpoint_m=5, width_m=1, cutoff_m=7}",),
     ],
 )
 def test_packets_sent_are_delivered_or_lost_by_cause_or_in_flight_as_the_record_says(changes):
@@ -203,7 +222,7 @@ def test_packets_sent_are_delivered_or_lost_by_cause_or_in_flight_as_the_record_
     record = []
     core = played(engine.build(scenario, 1), RUN, lambda *message: record.append(message))
     result = core.result()
-    lost, delivered, due_at_the_end, flying = Counter(), 0, 0, 0
+    lost, delivered, due_at_the_end, flying, copied = Counter(), 0, 0, 0, 0
     for _, where, payload in record:
         if where.endswith("/radio"):
             radio = decode(Radio, payload, RUN)
@@ -215,9 +234,16 @@ def test_packets_sent_are_delivered_or_lost_by_cause_or_in_flight_as_the_record_
                         delivered += fate <= result.ticks
                         due_at_the_end += fate == result.ticks
                         flying += fate > result.ticks
+            for due in (due for row in radio.copies for due in row if due > 0):
+                copied += 1
+                delivered += due <= result.ticks
+                due_at_the_end += due == result.ticks
+                flying += due > result.ticks
     assert result.packets_lost == dict(lost)
+    assert result.packets_copied == copied
+    assert (copied > 0) == any("duplication" in change for change in changes)
     assert (result.packets_delivered, result.packets_in_flight) == (delivered, flying)
-    assert result.packets_sent == 25 * 12 == delivered + flying + sum(lost.values())
+    assert result.packets_sent == 25 * 12 == delivered + flying + sum(lost.values()) - copied
     # What is due at the last tick has arrived, but no robot is asked to read it any more.
     read = sum(
         len(decode(Observation, payload, RUN).inbox)

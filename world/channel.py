@@ -1,55 +1,72 @@
 """The radio: what happens to each pose packet on each directed link.
 
-A composition of stages, evaluated for all links of a tick at once: a scheduled silence, loss
-(Bernoulli or Gilbert-Elliott), then delay (constant, uniform, gamma or lognormal) with order kept
-or not. Every draw is a function of seed, stage, tick and link (``world.draws``), so a packet's fate
-depends on (seed, sender, receiver, sequence) alone. Distributions are drawn by inverting their
-cumulative distribution, one uniform per packet.
+A composition of stages, evaluated for all links of a tick at once:
 
-Gilbert-Elliott: a two-state Markov chain per link, stepped once per packet; the first state is
-drawn from the chain's stationary distribution.
+1. ``world.rate_limit``: the sender's transmitter, where packets wait, or find no room to;
+2. ``world.outages``: scheduled outages and partitions, and radios that are silent;
+3. ``world.loss``: loss by chance, by distance, or as in a trace;
+4. ``world.delay``: how long it takes, order kept or not;
+5. duplication: a packet that is not lost arrives a second time with a probability, the copy with a
+   delay of its own.
+
+Every draw is a function of seed, purpose, tick and link (``world.draws``), and every stage makes
+its draws whatever the others do. So what loss would take, and how long a packet would be on its
+way, is the same with any other stage on or off, and a packet's fate depends on (seed, sender,
+receiver, sequence) alone; the sequence is the tick. Two stages look at more than that because that
+is what they are: loss by distance at where the robots are, the rate limit at what the sender sent
+before. What is remembered per link (the state of a Gilbert-Elliott chain) goes on at every tick,
+sent or not; the order of packets is remembered of those that were sent and arrive.
+
+**Precedence.** Of several causes that apply to one packet the first of these is named:
+sender-silent, receiver-silent, partition, outage, queue-full, out-of-range, and then the link's
+loss by chance or trace (a link has one). That is from the certain to the random: what is scheduled,
+what the senders make of it, where the robots are, chance. A packet that is cut off or lost on its
+way has taken its time at the transmitter all the same; one of a silent sender has not.
+
+**Order.** With order kept a packet is held back until those sent before it on its link have
+arrived. A copy is held back until its packet has arrived, and holds back nothing: later packets do
+not wait for copies, so that duplication delays nobody.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv, ndtri
 
+from world import delay, loss, outages, rate_limit
+from world.causes import CAUSES, Cause
 from world.draws import Purpose, link_uniforms
-from world.scenario import Delay, Loss, Scenario
+from world.radio_model import delay_parts, loss_parts
+from world.scenario import Scenario
 
-CAUSES = {1: "loss", 2: "burst-loss", 3: "sender-silent", 4: "receiver-silent"}
-"""Why a packet was lost, by the code that stands negated in the fates."""
-TICKS_MAX = 1e9
-LOSS, BURST_LOSS, SENDER_SILENT, RECEIVER_SILENT = CAUSES
+__all__ = ["CAUSES", "Cause", "Channel", "ChannelState", "Fates", "Flight", "Sending"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 class Channel(NamedTuple):
-    """A scenario's channel, laid out per directed link; arrays are (N, N) [sender, receiver]."""
+    """A scenario's channel: its stages, None where it has none."""
 
     seed: int
     robots: int
-    loss: Floats | None
-    burst: "Burst | None"
-    fixed_ticks: NDArray[np.int64]
-    drawn: tuple[tuple[NDArray[np.bool_], Callable[[Floats], Floats]], ...]
-    tick_s: float
+    transmitter: rate_limit.Transmitter | None
+    outages: outages.Outages | None
+    losses: loss.Losses | None
+    delays: delay.Delays
     in_order: bool
-    rated: bool = False
+    copies: "Copies | None"
+    rated: bool
     """Whether the size of packets matters."""
 
 
-class Burst(NamedTuple):
-    """Gilbert-Elliott probabilities per link; links without are never bad and never lose."""
+class Copies(NamedTuple):
+    """Duplication: the probability of a copy, and how long copies take."""
 
-    good_to_bad: Floats
-    bad_to_good: Floats
-    loss_good: Floats
-    loss_bad: Floats
+    rate: float
+    delays: delay.Delays
 
 
 class Flight(NamedTuple):
@@ -63,11 +80,12 @@ class Sending(NamedTuple):
     """What the robots put on the radio at a tick.
 
     ``sizes_bytes``: (N,) of each robot's packet, 0 where there is none; None if all send and size
-    does not matter. ``distances_m``: (N, N) between robots. ``silent``: (N,) whose radio is off.
+    does not matter. ``distances_m``: (N, N) between robots; None if loss does not depend on it.
+    ``silent``: (N,) whose radio is off.
     """
 
     tick: int
-    sizes_bytes: NDArray[np.int64] | None = None
+    sizes_bytes: Ints | None = None
     distances_m: Floats | None = None
     silent: NDArray[np.bool_] | None = None
 
@@ -78,126 +96,87 @@ class Fates(NamedTuple):
     ``copies`` is None where the radio makes none.
     """
 
-    due: NDArray[np.int64]
-    copies: NDArray[np.int64] | None
+    due: Ints
+    copies: Ints | None
 
 
 class ChannelState(NamedTuple):
-    """What the radio remembers: bad links, newest due ticks per link, and packets by due tick."""
+    """What the radio remembers.
+
+    Whether links are ``bad``, each link's newest due tick, the transmitters' queues, and the
+    packets that are on their way by due tick.
+    """
 
     bad: NDArray[np.bool_] | None
-    last_due: NDArray[np.int64] | None
+    last_due: Ints | None
+    queues: Floats | None
     flights: Mapping[int, tuple[Flight, ...]]
 
 
 def build(scenario: Scenario, seed: int) -> Channel:
     """The channel of a scenario, overrides of single links applied."""
-    ids = scenario.ids
-    count = len(ids)
-    losses: list[list[Loss]] = [[scenario.channel.loss] * count for _ in ids]
-    delays: list[list[Delay]] = [[scenario.channel.delay] * count for _ in ids]
-    for link in scenario.channel.links:
-        for s in [ids.index(link.sender)] if link.sender else range(count):
-            for r in [ids.index(link.receiver)] if link.receiver else range(count):
-                losses[s][r] = link.loss or losses[s][r]
-                delays[s][r] = link.delay or delays[s][r]
-
-    def table(name: str, model: str) -> Floats:
-        return np.array(
-            [[getattr(x, name) if x.model == model else 0.0 for x in row] for row in losses]
-        )
-
-    burst = Burst(
-        *(
-            table(name, "gilbert-elliott")
-            for name in ("good_to_bad", "bad_to_good", "loss_good", "loss_bad")
-        )
-    )
-    loss = table("rate", "bernoulli")
-    fixed = np.array([[d.mean_s if d.model == "constant" else 0.0 for d in row] for row in delays])
-    models = {d for row in delays for d in row if d.model != "constant"}
+    ids, model, tick_s = scenario.ids, scenario.channel, scenario.tick_s
+    limit, delays = model.rate_limit, delay_parts(model, ids)
     return Channel(
         seed,
-        count,
-        loss if loss.any() else None,
-        burst if burst.good_to_bad.any() or burst.loss_good.any() else None,
-        delay_ticks(fixed, scenario.tick_s),
-        tuple(
-            (np.array([[d == model for d in row] for row in delays]), quantile(model))
-            for model in sorted(models, key=repr)
-        ),
-        scenario.tick_s,
-        scenario.channel.order == "kept",
+        len(ids),
+        rate_limit.build(limit, tick_s) if limit is not None else None,
+        outages.build(scenario.events, ids),
+        loss.build(loss_parts(model, ids), ids, seed),
+        delay.build(delays, ids, tick_s, seed),
+        model.order == "kept",
+        Copies(model.duplication.rate, delay.build(delays, ids, tick_s, seed, Purpose.COPY_DELAY))
+        if model.duplication.rate > 0.0
+        else None,
+        limit is not None and limit.bytes_per_s is not None,
     )
-
-
-def delay_ticks(delay_s: Floats, tick_s: float) -> NDArray[np.int64]:
-    """Whole ticks until delivery: the first tick at or after arrival, and never the same tick."""
-    # A delay of exactly k ticks must not become k + 1 because tick_s is not a binary fraction.
-    ticks = np.ceil(delay_s / tick_s - 1e-9)
-    return np.clip(ticks, 1.0, TICKS_MAX).astype(np.int64)
-
-
-def quantile(delay: Delay) -> Callable[[Floats], Floats]:
-    """The inverse cumulative distribution of a delay model: probability to seconds."""
-    mean, spread = delay.mean_s, delay.std_s
-    if delay.model == "uniform":
-        low, high = delay.low_s, delay.high_s
-        return lambda p: low + (high - low) * p
-    if delay.model == "gamma":
-        shape, scale = (mean / spread) ** 2, spread**2 / mean
-        return lambda p: np.asarray(scale * gammaincinv(shape, p), np.float64)
-    assert delay.model == "lognormal", delay.model
-    variance = np.log1p((spread / mean) ** 2)
-    location, width = np.log(mean) - variance / 2, np.sqrt(variance)
-
-    def lognormal(p: Floats) -> Floats:
-        return np.asarray(np.exp(location + width * ndtri(p)), np.float64)
-
-    return lognormal
 
 
 def initial(channel: Channel) -> ChannelState:
     """The radio before the first tick."""
-    bad = None
-    if channel.burst is not None:
-        chance = channel.burst.good_to_bad + channel.burst.bad_to_good
-        stationary = channel.burst.good_to_bad / np.where(chance > 0.0, chance, 1.0)
-        # Tick 0 of BURST_STATE is the first packet's own transition; the start is drawn apart.
-        bad = _draw(channel, Purpose.BURST_STATE, 2**63) < stationary
-    last = np.zeros((channel.robots, channel.robots), np.int64) if channel.in_order else None
-    return ChannelState(bad, last, {})
+    count = channel.robots
+    return ChannelState(
+        loss.first_states(channel.losses),
+        np.zeros((count, count), np.int64) if channel.in_order else None,
+        rate_limit.idle(channel.transmitter, count) if channel.transmitter is not None else None,
+        {},
+    )
 
 
 def transmit(channel: Channel, state: ChannelState, sending: Sending) -> tuple[ChannelState, Fates]:
-    """Put every robot's packet of a tick on the radio."""
-    tick, silent = sending.tick, sending.silent
-    cause = np.zeros((channel.robots, channel.robots), np.int64)
-    bad = state.bad
-    if channel.loss is not None:
-        cause[_draw(channel, Purpose.LOSS, tick) < channel.loss] = LOSS
-    if channel.burst is not None and bad is not None:
-        draw = _draw(channel, Purpose.BURST_STATE, tick)
-        bad = np.where(bad, draw >= channel.burst.bad_to_good, draw < channel.burst.good_to_bad)
-        chance = np.where(bad, channel.burst.loss_bad, channel.burst.loss_good)
-        cause[_draw(channel, Purpose.BURST_LOSS, tick) < chance] = BURST_LOSS
-    if silent is not None and silent.any():
-        cause[:, silent] = RECEIVER_SILENT
-        cause[silent, :] = SENDER_SILENT
-    due = tick + channel.fixed_ticks
-    if channel.drawn:
-        draw = _draw(channel, Purpose.DELAY, tick)
-        for links, delay in channel.drawn:
-            due[links] = tick + delay_ticks(delay(draw[links]), channel.tick_s)
-    last = state.last_due
+    """Put the robots' packets of a tick on the radio; to be called once for every tick."""
+    tick, sizes = sending.tick, sending.sizes_bytes
+    bad, last, queues, left = state.bad, state.last_due, state.queues, None
+    # From here on a weightier cause overwrites a lighter one.
+    if channel.losses is not None:
+        bad, cause = loss.lost(channel.losses, bad, tick, sending.distances_m)
+    else:
+        cause = np.zeros((channel.robots, channel.robots), np.int64)
+    if channel.transmitter is not None and queues is not None:
+        on_air = np.ones(channel.robots, bool) if sizes is None else sizes > 0
+        if sending.silent is not None:
+            on_air &= ~sending.silent
+        queues, left, dropped = rate_limit.send(channel.transmitter, queues, on_air, sizes)
+        cause[dropped] = Cause.QUEUE_FULL
+    if channel.outages is not None and (cut := outages.at(channel.outages, tick)) is not None:
+        np.copyto(cause, cut[1], where=cut[0])
+    if sending.silent is not None:
+        cause[:, sending.silent] = Cause.RECEIVER_SILENT
+        cause[sending.silent] = Cause.SENDER_SILENT
+    due = tick + _taken(channel.delays, tick, left)
     if last is not None:
         due = np.maximum(due, last)
-        last = np.where(cause == 0, due, last)
     fates = np.where(cause == 0, due, -cause)
-    fates[np.diag_indices(channel.robots)] = 0
-    if sending.sizes_bytes is not None:
-        fates[sending.sizes_bytes == 0] = 0
-    return ChannelState(bad, last, _launched(state.flights, fates, tick)), Fates(fates, None)
+    fates[_diagonal(channel.robots)] = 0
+    if sizes is not None:
+        fates[sizes == 0] = 0
+    if last is not None:
+        last = np.where(fates > 0, due, last)
+    flights, copies = _launched(state.flights, fates, tick), None
+    if channel.copies is not None:
+        copies = _copied(channel, channel.copies, tick, fates, left)
+        flights = _launched(flights, copies, tick)
+    return ChannelState(bad, last, queues, flights), Fates(fates, copies)
 
 
 def deliver(state: ChannelState, tick: int) -> tuple[ChannelState, tuple[Flight, ...]]:
@@ -214,8 +193,27 @@ def in_flight(state: ChannelState) -> int:
     return sum(int(f.links.sum()) for flights in state.flights.values() for f in flights)
 
 
-def _draw(channel: Channel, purpose: Purpose, tick: int) -> Floats:
-    return link_uniforms(channel.seed, purpose, tick, channel.robots)
+def _taken(delays: delay.Delays, tick: int, left_ticks: Floats | None) -> Ints:
+    """(N, N) ticks until delivery of packets that take ``left_ticks``, (N,), to leave."""
+    if left_ticks is None:
+        return delay.ticks(delays, tick)
+    return delay.whole_ticks(delay.seconds(delays, tick), delays.tick_s, left_ticks[:, None])
+
+
+def _copied(
+    channel: Channel, copies: Copies, tick: int, fates: Ints, left_ticks: Floats | None
+) -> Ints:
+    """(N, N) when the copies of a tick's packets arrive, 0 where there are none."""
+    chance = link_uniforms(channel.seed, Purpose.COPY, tick, channel.robots)
+    due = tick + _taken(copies.delays, tick, left_ticks)
+    if channel.in_order:
+        due = np.maximum(due, fates)
+    return np.where((fates > 0) & (chance < copies.rate), due, 0)
+
+
+@lru_cache(maxsize=64)
+def _diagonal(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    return np.arange(count), np.arange(count)
 
 
 def _launched(
@@ -227,6 +225,6 @@ def _launched(
     if len(arrivals) == 0:
         return launched
     first, last = int(arrivals.min()), int(arrivals.max())
-    for due in (first,) if first == last else np.unique(arrivals).tolist():
+    for due in (first,) if first == last else sorted(set(arrivals.tolist())):
         launched[due] = (*launched.get(due, ()), Flight(tick, fates == due))
     return launched

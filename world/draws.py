@@ -22,6 +22,14 @@ class Purpose(IntEnum):
     BURST_STATE = 4
     BURST_LOSS = 5
     DELAY = 6
+    JITTER = 7
+    TRACE_START = 8
+    COPY = 9
+    COPY_DELAY = 10
+
+
+BLOCK_TICKS_MAX = 64
+BLOCK_DRAWS_MAX = 4096
 
 
 def uniforms(seed: int, purpose: Purpose, tick: int, count: int) -> NDArray[np.float64]:
@@ -41,5 +49,31 @@ def _link_places(robots: int) -> NDArray[np.intp]:
 
 
 def link_uniforms(seed: int, purpose: Purpose, tick: int, robots: int) -> NDArray[np.float64]:
-    """(N, N) draws, one per directed link [sender, receiver]."""
-    return uniforms(seed, purpose, tick, robots * robots)[_link_places(robots)]
+    """(N, N) draws, one per directed link [sender, receiver]; read-only."""
+    ticks = block_ticks(robots)
+    drawn: NDArray[np.float64] = _link_block(seed, purpose, tick // ticks, robots)[tick % ticks]
+    return drawn
+
+
+def block_ticks(robots: int) -> int:
+    """How many ticks of links' draws are worth making at once; says nothing of what they are."""
+    return max(1, min(BLOCK_TICKS_MAX, BLOCK_DRAWS_MAX // robots**2))
+
+
+def link_block(seed: int, purpose: Purpose, block: int, robots: int) -> NDArray[np.float64]:
+    """(T, N, N) the draws of a block's T = ``block_ticks`` ticks, each as in ``uniforms``."""
+    ticks = block_ticks(robots)
+    # To make a generator costs as much as some hundred draws; to set its counter, far less.
+    bits = np.random.Philox(key=np.array((seed, purpose), dtype=np.uint64))
+    state, generator = bits.state, np.random.Generator(bits)
+    draws = np.empty((ticks, robots * robots))
+    for k in range(ticks):
+        state["state"]["counter"][:] = (0, 0, block * ticks + k, 0)
+        bits.state = state
+        generator.random(out=draws[k])
+    drawn = draws[:, _link_places(robots)]
+    drawn.setflags(write=False)
+    return drawn
+
+
+_link_block = lru_cache(maxsize=16)(link_block)

@@ -3,7 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from protocol.messages import QUANTA_PER_M
+
 FULL_TURN_RAD = 2.0 * np.pi
+
+
+def quantised(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Positions in m, of any shape, rounded to whole multiples of ``QUANTUM_M``."""
+    return np.rint(positions * QUANTA_PER_M) / QUANTA_PER_M
 
 
 def limited(steps: NDArray[np.float64], step_m_max: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,27 +4,25 @@
 tick 0, ``observe`` what each robot senses and receives there, ``advance`` the state one tick later.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
-from math import atan2, ceil, cos, pi, sin
+from math import atan2, pi
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from protocol.messages import QUANTA_PER_M, Observation, Point, State
+from protocol.messages import Observation, Point, State
 from world import channel as radio
-from world import collisions, dynamics, sensing
+from world import collisions, dynamics, placement, sensing
 from world.draws import Purpose, uniforms
-from world.scenario import MoveTarget, Scenario, ScenarioError, Silence
+from world.dynamics import quantised
+from world.scenario import MoveTarget, Scenario, Silence
 from world.targets import Behaviour, TargetView, behaviour_named
 
 Floats = NDArray[np.float64]
-PLACEMENT_TRIES_MAX = 10_000
-FREE_SPACING_M = 0.08
-FREE_RINGS_MAX = 2_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +78,9 @@ def build(scenario: Scenario, seed: int) -> Arena:
 def initial(arena: Arena) -> ArenaState:
     """The state at tick 0; ``ScenarioError`` if the robots cannot be placed."""
     scenario = arena.scenario
-    robots = scenario.team.positions or _placed(arena)
+    starts = placement.starts(scenario, arena.seed)
     fixed = [o.position for o in scenario.obstacles]
-    positions = quantised(np.array([*robots, scenario.target.position, *fixed]))
+    positions = quantised(np.array([*starts, scenario.target.position, *fixed]))
     headings = np.zeros(len(arena.ids) + 1)
     headings[-1] = scenario.target.heading_rad
     return _sensed(arena, 0, positions, headings, None, radio.initial(arena.channel), {}, ())
@@ -151,7 +149,7 @@ def advance(
         positions = collisions.kept_apart(state.positions, positions, arena.radii, count + 1)
     for event in arena.scenario.events:
         if isinstance(event, MoveTarget) and event.tick == tick + 1:
-            positions[count] = _nearest_free(arena, positions, event.position)
+            positions[count] = placement.nearest_free(positions, arena.radii, count, event.position)
     kept = {
         sent: state.packets[sent]
         for flights in air.flights.values()
@@ -161,11 +159,6 @@ def advance(
     kept[tick] = tuple(packets)
     after = _sensed(arena, tick + 1, positions, headings, memory, air, kept, tuple(contacts))
     return after, fates
-
-
-def quantised(positions: Floats) -> Floats:
-    """Positions rounded to whole multiples of ``QUANTUM_M``."""
-    return np.rint(positions * QUANTA_PER_M) / QUANTA_PER_M
 
 
 def is_captured(rays: Floats, stop_distance_m: float, count: int) -> bool:
@@ -258,7 +251,8 @@ def _sending(
 ) -> radio.Sending:
     """What the radio is given at a tick."""
     count = len(arena.ids)
-    sizes = [0 if packet is None else len(packet) - name_bytes for packet in packets]
+    # A packet without a byte of its own would count as none.
+    sizes = [0 if packet is None else max(1, len(packet) - name_bytes) for packet in packets]
     return radio.Sending(
         state.tick,
         np.array(sizes) if None in packets or arena.channel.rated else None,
@@ -268,62 +262,10 @@ def _sending(
 
 
 def _silent(arena: Arena, tick: int) -> NDArray[np.bool_] | None:
-    """(N,) which radios are off at a tick, None if no event ever silences one."""
-    events = [e for e in arena.scenario.events if isinstance(e, Silence)]
-    if not events:
-        return None
-    off = {e.robot for e in events if e.tick <= tick < e.tick + e.ticks}
-    return np.array([robot in off for robot in arena.ids])
-
-
-def _placed(arena: Arena) -> list[Point]:
-    """Random starts in the annulus around the target, apart from each other and from obstacles."""
-    scenario, placement = arena.scenario, arena.scenario.team.placement
-    low, high = placement.distance_m_min**2, placement.distance_m_max**2
-    tx, ty = scenario.target.position
-    free = [(o.position, o.radius_m + scenario.team.radius_m) for o in scenario.obstacles]
-    free.append(((tx, ty), scenario.target.radius_m + scenario.team.radius_m))
-    placed: list[Point] = []
-    for robot in range(len(arena.ids)):
-        for u, v in _tries(arena.seed, robot):
-            distance = (low + u * (high - low)) ** 0.5
-            x, y = tx + distance * cos(2 * pi * v), ty + distance * sin(2 * pi * v)
-            if all((x - ox) ** 2 + (y - oy) ** 2 > (1.05 * apart) ** 2 for (ox, oy), apart in free):
-                placed.append((x, y))
-                free.append(((x, y), 2 * scenario.team.radius_m))
-                break
-        else:
-            raise ScenarioError(
-                f"team.placement: no room for {arena.ids[robot]} between"
-                f" {placement.distance_m_min} and {placement.distance_m_max} m from the target"
-            )
-    return placed
-
-
-def _tries(seed: int, robot: int) -> Iterator[tuple[float, float]]:
-    """Pairs of draws, one stream per robot: the first N starts are any larger team's too."""
-    for count in (16, PLACEMENT_TRIES_MAX):
-        # A stream's first draws are the same however many are taken.
-        pairs = uniforms(seed, Purpose.PLACEMENT, robot, 2 * count).reshape(count, 2)
-        yield from (tuple(pair) for pair in pairs[0 if count == 16 else 16 :].tolist())
-
-
-def _nearest_free(arena: Arena, positions: Floats, wanted: Point) -> Floats:
-    """The wanted position of the target, or the nearest place around it where it fits."""
-    count = len(arena.ids)
-    others = np.delete(positions, count, axis=0)
-    apart = np.delete(arena.radii, count) + arena.radii[count] + 2 * collisions.SKIN_M
-    for ring in range(FREE_RINGS_MAX):
-        radius = ring * FREE_SPACING_M
-        places = max(1, ceil(2 * pi * ring))
-        angles = np.arange(places) * (2 * pi / places)
-        tried = quantised(
-            np.array(wanted) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        )
-        away = others - tried[:, None]
-        free = ((away * away).sum(axis=2) > apart**2).all(axis=1)
-        if free.any():
-            place: Floats = tried[free.argmax()]
-            return place
-    staying: Floats = positions[count]
-    return staying
+    """(N,) which radios are off at a tick, None if none is."""
+    off = {
+        event.robot
+        for event in arena.scenario.events
+        if isinstance(event, Silence) and event.tick <= tick < event.tick + event.ticks
+    }
+    return np.array([robot in off for robot in arena.ids]) if off else None

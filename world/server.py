@@ -32,21 +32,20 @@ WATCH_PERIOD_S = 0.1
 
 def run_rounds(core: WorldCore, link: Link) -> None:
     """Run the hunt until it ends or the link is closed."""
-    # What was imported stays for good: collecting garbage need not look at it again and again.
-    gc.freeze()
     try:
-        _send(link, core.begin())
-        _send(link, core.settle())
+        send(link, core.begin())
+        send(link, core.settle())
         while core.ended is None:
             outgoing = core.receive(*link.receive())
             if outgoing:
-                _send(link, outgoing)
-                _send(link, core.settle())
+                send(link, outgoing)
+                send(link, core.settle())
     except LinkClosed:
         pass
 
 
-def _send(link: Link, messages: list[tuple[str, bytes]]) -> None:
+def send(link: Link, messages: list[tuple[str, bytes]]) -> None:
+    """Hand messages over to a link, in their order."""
     for key, payload in messages:
         link.send(key, payload)
 
@@ -88,9 +87,11 @@ class Server:
 
     def _tell_failure(self) -> None:
         with contextlib.suppress(LinkClosed):
-            _send(self.link, self.core.fail(self._trouble.result()))
+            send(self.link, self.core.fail(self._trouble.result()))
 
     async def _hunt(self) -> None:
+        # What was imported stays for good: collecting garbage need not look at it again and again.
+        gc.freeze()
         begun = time.perf_counter()
         self.begun_unix_s = time.time()
         rounds = asyncio.create_task(asyncio.to_thread(run_rounds, self.core, self.link))
@@ -138,7 +139,7 @@ class Server:
         try:
             robot = parse_key(key).robot or ""
             if alive:
-                _send(self.link, self.core.join(robot))
+                send(self.link, self.core.join(robot))
             elif robot in self.arena.ids and self.core.ended is None:
                 self.stop(f"robot {robot} is gone at tick {self.core.state.tick}")
         except ProtocolError as error:

@@ -1,0 +1,84 @@
+"""Speed of studies: hunts per second, scaling over cores, and what measuring costs.
+
+``python bench/studies.py`` prints the figures as JSON. The hunts are those of the shipped study
+``loss-delay``, spread evenly over its cells.
+"""
+
+import json
+import tempfile
+import time
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from encircle.measures import measure
+from encircle.memory import run_in_memory
+from encircle.runlog import Collector
+from encircle.studies.plan import load_plan
+from encircle.studies.study import Study
+from world.engine import build
+
+TURNS = 5
+
+
+def scaling(seeds: int) -> dict[str, Any]:
+    """Hunts per second with one worker process and with two, worker start-up left out."""
+    plan = load_plan("loss-delay", seeds=seeds)
+    speeds: dict[int, list[float]] = {1: [], 2: []}
+    for _ in range(2):
+        for workers in (1, 2):
+            marks: list[tuple[float, int]] = []
+            with tempfile.TemporaryDirectory() as scratch:
+                Study(plan, Path(scratch) / "study").run(
+                    workers=workers,
+                    progress=lambda done, _all, to=marks: to.append((time.perf_counter(), done)),
+                )
+            # The first mark is before the workers start, the second when they have done a batch.
+            (begun, before), (ended, after) = marks[2], marks[-1]
+            speeds[workers].append((after - before) / (ended - begun))
+    one, two = median(speeds[1]), median(speeds[2])
+    return {
+        "hunts": plan.runs,
+        "hunts_per_s_one_worker": one,
+        "hunts_per_s_two_workers": two,
+        "hunts_per_s_per_core": two / 2,
+        "scaling_one_to_two": two / one,
+    }
+
+
+def overhead() -> dict[str, Any]:
+    """Time of measured and logged hunts over that of the same hunts bare, in one process."""
+    plan = load_plan("loss-delay")
+    arenas = [build(plan.scenario_of(cell), 1) for cell in range(0, len(plan.cells), 4)]
+    ratios, bare_us, logged = [], [], []
+    for _ in range(TURNS):
+        bare_s = logged_s = measured_s = 0.0
+        ticks = 0
+        for arena in arenas:
+            begun = time.perf_counter()
+            ticks += run_in_memory(arena, "bench", print).ticks
+            bare_s += time.perf_counter() - begun
+            begun = time.perf_counter()
+            collector = Collector()
+            run_in_memory(arena, "bench", print, watch=collector)
+            log = collector.log()
+            logged_s += time.perf_counter() - begun
+            measure(log)
+            measured_s += time.perf_counter() - begun
+        ratios.append(measured_s / bare_s)
+        logged.append(logged_s / bare_s)
+        bare_us.append(bare_s / ticks * 1e6)
+    return {
+        "bare_us_per_tick": median(bare_us),
+        "logged_over_bare": median(logged),
+        "logged_and_measured_over_bare": median(ratios),
+    }
+
+
+def measure_studies(seeds: int = 8) -> dict[str, Any]:
+    """Everything this file measures."""
+    return {**scaling(seeds), **overhead()}
+
+
+if __name__ == "__main__":
+    print(json.dumps(measure_studies(), indent=2))

@@ -1,0 +1,146 @@
+"""Heat maps over two numeric axes: the capture rate, and beside it the time to capture.
+
+Cells are equally large whatever the steps between levels, and their numbers are printed if they
+fit. All maps of a study share their scales; light is good: often captured, or early.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, Normalize
+from matplotlib.figure import Figure
+
+from encircle.drawing import DOTS_PER_INCH, WIDTH_IN
+from encircle.studies.chart_frames import LETTER_IN, MAP, Drawn, Floats
+from encircle.studies.chart_lines import RATE, TIME, Quantity, limit_text, runs_text
+from encircle.studies.plan import Axis
+from encircle.studies.summary import Summary
+from encircle.studies.views import (
+    Places,
+    cell_at,
+    evenly,
+    held_text,
+    label,
+    level_text,
+    ordered,
+    settings_of,
+)
+
+LEVELS_MIN = 3
+MAPS_MAX = 6
+BESIDE_MAX = 8
+ROW_IN, MAP_IN_MIN, MAP_IN_MAX, AROUND_IN, LEFT_IN = 0.32, 1.1, 6.0, 1.15, 0.7
+NUMBER_PT, NUMBER_PT_MIN = 7.5, 5.0
+LETTER_EM = 0.62
+LIGHT_MIN = 0.18
+"""The luminance above which black is easier to read than white (WCAG 2, relative luminance)."""
+
+
+def draw_maps(summary: Summary) -> Iterator[Drawn]:
+    """A pair of maps for each setting of the other axes, over the first two axes that allow it."""
+    axes = summary.plan.all_axes
+    pair = [axis for axis in axes if axis.numeric and len(axis.levels) >= LEVELS_MIN][:2]
+    if len(pair) < 2:
+        return
+    settings = settings_of([axis for axis in axes if axis not in pair])
+    chosen = evenly(len(settings), MAPS_MAX)
+    told = f" {len(chosen)} of {len(settings)} settings are shown."
+    for number, place in enumerate(chosen, start=1):
+        name = "map" if len(chosen) == 1 else f"map-{number}"
+        drawn = _draw_pair(summary, pair[0], pair[1], settings[place], name)
+        left_out = told if len(chosen) < len(settings) else ""
+        yield drawn._replace(caption=drawn.caption + left_out)
+
+
+def _draw_pair(summary: Summary, along: Axis, up: Axis, setting: Places, name: str) -> Drawn:
+    # Named by row (y) and column (x), as they are drawn.
+    rows = [
+        [cell_at(summary.plan, {**setting, along.name: x, up.name: y}) for x in ordered(along)]
+        for y in ordered(up)
+    ]
+    stacked = len(along.levels) > BESIDE_MAX
+    map_in = min(max(ROW_IN * len(up.levels), MAP_IN_MIN), MAP_IN_MAX)
+    size = (WIDTH_IN, (map_in + AROUND_IN) * (2 if stacked else 1))
+    figure = Figure(size, DOTS_PER_INCH, layout="constrained")
+    panels = figure.subplots(2, 1) if stacked else figure.subplots(1, 2)
+    room_pt = 72.0 * (WIDTH_IN / (1 if stacked else 2) - LEFT_IN) / len(along.levels)
+    printed = []
+    for axes, quantity in zip(panels, (RATE, TIME), strict=True):
+        values = np.array(
+            [[quantity.interval(summary.cells[c]).value for c in row] for row in rows]
+        )
+        _draw_map(figure, axes, summary, values, quantity)
+        _name_levels(axes, along, up, room_pt)
+        texts = _numbers(summary, values, quantity)
+        letters = LETTER_EM * max(len(text) for row in texts for text in row) + 0.5
+        size_pt = min(NUMBER_PT, room_pt / letters, 0.75 * 72.0 * map_in / len(rows))
+        printed.append(size_pt >= NUMBER_PT_MIN)
+        if printed[-1]:
+            _print_numbers(axes, texts, values, _colours(summary, quantity), size_pt)
+    at = f" at {held}" if (held := held_text(summary.plan, setting)) else ""
+    caption = (
+        f"Capture rate and {TIME.words} over {label(along)} and {label(up)}{at};"
+        f" {runs_text(summary)} per cell. Runs without capture count as the limit,"
+        f" {limit_text(summary)}. Light is good: often captured, or early."
+        + ("" if all(printed) else " The numbers are in the table of cells.")
+    )
+    rates = [100.0 * summary.cells[cell].rate.value for row in rows for cell in row]
+    alt = (
+        f"Heat maps over {along.title} and {up.title}{at}: capture rate from {min(rates):.0f} to"
+        f" {max(rates):.0f} %, and mean time to capture in s."
+    )
+    return Drawn(name, figure, caption, alt)
+
+
+def _colours(summary: Summary, quantity: Quantity) -> tuple[Normalize, Colormap]:
+    if quantity is RATE:
+        return Normalize(0.0, 100.0), matplotlib.colormaps[MAP]
+    times = [cell.time_s.value for cell in summary.cells]
+    low, high = min(times), max(times)
+    # One value for all would leave the scale without a width.
+    return Normalize(low, high if high > low else low + 1.0), matplotlib.colormaps[f"{MAP}_r"]
+
+
+def _draw_map(
+    figure: Figure, axes: Axes, summary: Summary, values: Floats, quantity: Quantity
+) -> None:
+    norm, colours = _colours(summary, quantity)
+    axes.pcolormesh(values, norm=norm, cmap=colours, edgecolors="white", linewidth=0.4)
+    bar = figure.colorbar(ScalarMappable(norm, colours), ax=axes, location="top", aspect=28)
+    bar.set_label(quantity.axis)
+
+
+def _numbers(summary: Summary, values: Floats, quantity: Quantity) -> list[list[str]]:
+    longest_s = max(cell.time_s.value for cell in summary.cells)
+    digits = 0 if quantity is RATE or longest_s >= 100.0 else 1
+    return [[f"{value:.{digits}f}" for value in row] for row in values]
+
+
+def _print_numbers(
+    axes: Axes,
+    texts: Sequence[Sequence[str]],
+    values: Floats,
+    scale: tuple[Normalize, Colormap],
+    size_pt: float,
+) -> None:
+    norm, colours = scale
+    coded = colours(norm(values))[..., :3]
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    light = linear @ (0.2126, 0.7152, 0.0722) > LIGHT_MIN
+    for (y, x), on_light in np.ndenumerate(light):
+        colour = "black" if on_light else "white"
+        place = (x + 0.5, y + 0.5)
+        axes.text(*place, texts[y][x], ha="center", va="center", fontsize=size_pt, color=colour)
+
+
+def _name_levels(axes: Axes, along: Axis, up: Axis, room_pt: float) -> None:
+    names = [level_text(along, place) for place in ordered(along)]
+    crowded = max(map(len, names)) * 72.0 * LETTER_IN > room_pt
+    axes.set_xticks(np.arange(len(names)) + 0.5, names, rotation=90 if crowded else 0)
+    names = [level_text(up, place) for place in ordered(up)]
+    axes.set_yticks(np.arange(len(names)) + 0.5, names)
+    axes.tick_params(length=0)
+    axes.set(xlabel=along.title, ylabel=up.title)

@@ -1,0 +1,113 @@
+"""``encircle study``: run what is missing of a study, then sum it up and write its report."""
+
+import json
+import shlex
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from encircle.studies.plan import load_plan
+from encircle.studies.report import write_report
+from encircle.studies.study import Study
+from encircle.studies.summary import findings, summarise
+from encircle.studies.workers import StudyFailed
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the command line asks for."""
+
+    source: str
+    out: Path | None
+    seeds: int | None
+    link: str
+    workers: int | None
+    cluster: str | None
+    changes: Sequence[str]
+
+    @property
+    def command(self) -> str:
+        """The command that repeats the numbers, wherever it is run and on however many cores."""
+        words = ["encircle", "study", self.source]
+        words += [] if self.seeds is None else ["--seeds", str(self.seeds)]
+        words += [part for change in self.changes for part in ("--set", change)]
+        return shlex.join(words)
+
+
+def run_study(request: Request) -> dict[str, Any]:
+    """Run, sum up and report; returns what ``--json`` prints. Raises as ``Study.run``."""
+    plan = load_plan(request.source, request.changes, request.seeds)
+    study = Study(plan, request.out)
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=30),
+        MofNCompleteColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    ) as progress:
+        task = progress.add_task(plan.name, total=plan.runs)
+        done = _Count()
+
+        def tell(finished: int, _all: int) -> None:
+            done.runs = finished
+            progress.update(task, completed=finished)
+
+        ran = _run(study, request, tell, done)
+    with closing(study.open()) as table:
+        report = write_report(plan, table, study.directory, request.command)
+        summary = summarise(plan, table)
+    return {
+        "study": plan.name,
+        "cells": len(plan.cells),
+        "seeds": len(plan.seed_list),
+        "runs": plan.runs,
+        "ran": ran,
+        "fingerprint": plan.fingerprint,
+        "out": str(study.directory),
+        "report": str(report),
+        "findings": findings(summary),
+    }
+
+
+class _Count:
+    runs = 0
+
+
+def _run(study: Study, request: Request, tell: Callable[[int, int], None], done: _Count) -> int:
+    try:
+        return study.run(
+            link=request.link, workers=request.workers, cluster=request.cluster, progress=tell
+        )
+    except KeyboardInterrupt:
+        raise StudyFailed(
+            f"stopped by SIGINT; {done.runs} of {study.plan.runs} runs are done, the same command"
+            " goes on from here"
+        ) from None
+
+
+def show(answer: dict[str, Any], as_json: bool) -> None:
+    """Print what came of it."""
+    if as_json:
+        print(json.dumps(answer))
+        return
+    print(f"{answer['runs']} runs in {answer['cells']} cells, {answer['ran']} of them now")
+    for sentence in answer["findings"]:
+        print(f"- {sentence}")
+    print(f"report  {answer['report']}")
+    print(f"table   {Path(answer['out']) / 'table.parquet'}")

@@ -1,0 +1,173 @@
+"""The report of a study: one page to read without the program, beside the figures and the CSV.
+
+Every number on it comes from ``encircle.studies.summary``. The same table and command give the same
+bytes: there is no date unless one is passed in.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from encircle.statistics import CONFIDENCE, PERMUTATIONS, RESAMPLES
+from encircle.studies import page
+from encircle.studies.charts import FIGURES, Chart, write_charts
+from encircle.studies.plan import Plan
+from encircle.studies.report_tables import CSV, many, measures, tables
+from encircle.studies.summary import Summary, findings, summarise
+from encircle.studies.table import OWNER, TABLE, StudyTable
+from encircle.studies.words import axis_rows, base_scenario, set_up
+
+REPORT = "report.html"
+FINDINGS_SHOWN, VALUES_MAX = 16, 40
+
+
+def write_report(
+    plan: Plan,
+    table: StudyTable,
+    directory: Path,
+    command: str,
+    *,
+    summary: Summary | None = None,
+    date: str = "",
+) -> Path:
+    """Write ``report.html``, ``summary.csv`` and the figures; returns the path of the page.
+
+    ``table`` must be complete. ``command`` is what repeats the numbers, shown as it is. ``summary``
+    is that of the table if it is there already.
+    """
+    assert table.done.all(), f"{int((~table.done).sum())} runs are missing"
+    summary = summary or summarise(plan, table)
+    summary.write_csv(directory / CSV)
+    charts = write_charts(summary, directory)
+    content = [
+        *_opening(plan, date),
+        *_findings(summary),
+        *_set_up(plan),
+        *_figures(charts),
+        *tables(summary),
+        *measures(summary),
+        *_methods(summary),
+        *_again(plan, table, command),
+    ]
+    path = directory / REPORT
+    path.write_text(page.document(plan.title or plan.name, content), encoding="utf-8")
+    return path
+
+
+def _opening(plan: Plan, date: str) -> list[str]:
+    cells, seeds = len(plan.cells), len(plan.seed_list)
+    told = (
+        f"Study {plan.name}: {many(cells, 'cell')}, {many(seeds, 'seed')} each,"
+        f" {many(plan.runs, 'run')}." + (f" {date}" if date else "")
+    )
+    found = [page.heading(plan.title or plan.name, 1), page.paragraph(told, "soft")]
+    if plan.question:
+        found += [page.heading("Question"), page.paragraph(plan.question)]
+    return found
+
+
+def _findings(summary: Summary) -> list[str]:
+    sentences = findings(summary)
+    found = [page.heading("Findings"), page.bullets(sentences[:FINDINGS_SHOWN])]
+    if more := sentences[FINDINGS_SHOWN:]:
+        found.append(page.folded(f"{many(len(more), 'more finding')}", [page.bullets(more)]))
+    note = "In brackets: 95 % intervals."
+    if count := len(summary.comparisons):
+        note += (
+            f" There {'are' if count > 1 else 'is'} {many(count, 'comparison')}; intervals and p"
+            " are not corrected for that."
+        )
+    return [*found, page.paragraph(note, "soft")]
+
+
+def _set_up(plan: Plan) -> list[str]:
+    base = base_scenario(plan).model_dump(mode="json", exclude={"seed"})
+    found = [page.heading("Set-up")]
+    if plan.all_axes:
+        axes = ("Axis", "Key", "Levels")
+        found.append(page.table("What is varied", axes, axis_rows(plan), kind="words"))
+    found.append(page.table("The base scenario", ("What", "How it is"), set_up(plan), kind="words"))
+    shown = _shortened(base)
+    cut = f"; {OWNER} has the lists that are cut short" if shown != base else ""
+    text = json.dumps(shown, indent=2, ensure_ascii=False)
+    told = f"The base scenario in full, defaults included{cut}"
+    return [*found, page.folded(told, [page.preformatted(text)])]
+
+
+def _shortened(tree: Any) -> Any:
+    """A tree without the middle of long lists."""
+    if isinstance(tree, dict):
+        return {key: _shortened(value) for key, value in tree.items()}
+    if isinstance(tree, list):
+        kept = [_shortened(value) for value in tree[:VALUES_MAX]]
+        return kept if len(tree) <= VALUES_MAX else [*kept, f"... {len(tree)} in all"]
+    return tree
+
+
+def _figures(charts: Sequence[Chart]) -> list[str]:
+    shown = [
+        page.figure(number, chart.path, chart.alt, chart.caption, chart.wide)
+        for number, chart in enumerate(charts, start=1)
+    ]
+    told = f"Each is in the directory {FIGURES} beside this page, as PNG and as PDF."
+    return [page.heading("Figures"), page.paragraph(told, "soft"), page.figures(shown)]
+
+
+def _methods(summary: Summary) -> list[str]:
+    count = len(summary.comparisons)
+    told = [
+        f"All intervals are for {100.0 * CONFIDENCE:g} %. Without bounds: there is no interval, as"
+        " for the mean of a single run.",
+        "Capture rates have Wilson's interval.",
+        "Survival is Kaplan and Meier's estimate: a run that does not capture is censored at its"
+        " limit. Its intervals are pointwise, Greenwood's on the scale log(-log).",
+        "The restricted mean time is the mean of the smaller of time to capture and limit, the area"
+        " under the survival curve. The median time is when half of the runs have captured.",
+        f"Means have BCa bootstrap intervals from {RESAMPLES} resamples of the seeds, the same at"
+        " every call. Runs in which a measure is not defined are left out of its mean.",
+    ]
+    if count:
+        told += [
+            "Comparisons are paired: all cells run the same seeds, and runs of one seed share"
+            " starts and draws. Differences of rates have Newcombe's interval, their p is McNemar's"
+            " exact one. Cohen's g: of the pairs in which only one captured, the share in which the"
+            " compared one did, less one half.",
+            "Differences of times have a bootstrap interval over seeds; d_z is their mean over"
+            " their standard deviation; p is by changing signs of differences, in"
+            f" {PERMUTATIONS} drawn ways if there are many pairs. The log-rank test takes the cells"
+            " for independent.",
+            f"Nothing is corrected for multiple comparisons: there {'are' if count > 1 else 'is'}"
+            f" {count}. Of {many(count, 'interval')} for 95 %, {0.05 * count:.2g} would leave out"
+            " the truth by chance on average.",
+        ]
+    if summary.tolerated:
+        told.append(
+            "How much is tolerated is where the rate first falls below"
+            f" {100.0 * summary.plan.tolerated_rate:g} %, interpolated between levels, with a"
+            " bootstrap interval over seeds that is widened to where Wilson's bounds cross if all"
+            " runs ended alike beside the crossing."
+        )
+    return [page.heading("Methods"), page.bullets(told)]
+
+
+def _again(plan: Plan, table: StudyTable, command: str) -> list[str]:
+    row = table.read(["code", "versions"], slice(0, 1)).slice(0, 1).to_pylist()[0]
+    versions = json.loads(row["versions"])
+    rows = [
+        ("Study", plan.name),
+        ("Fingerprint of the configuration", plan.fingerprint),
+        ("Digest of the code", row["code"]),
+        ("Versions", ", ".join(f"{name} {version}" for name, version in versions.items())),
+        ("Every run", f"{TABLE}, one row each with its seed and digest"),
+        ("Every cell", CSV),
+    ]
+    told = "This command repeats all runs; where they are done already it only reads them."
+    return [
+        page.heading("How to repeat it"),
+        page.preformatted(command),
+        page.paragraph(told),
+        page.table(
+            "What was run, and where its numbers are", ("What", "Which"), rows, kind="words"
+        ),
+    ]

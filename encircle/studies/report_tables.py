@@ -1,0 +1,192 @@
+"""The tables of a study's report: cells, comparisons, tolerances, and the mean of every measure.
+
+Long tables are cut, and say so; ``summary.csv`` has every cell.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from encircle.measures import MEASURES
+from encircle.statistics import Interval
+from encircle.studies import page
+from encircle.studies.plan import Plan
+from encircle.studies.summary import Comparison, Summary, Tolerated, where_text
+from encircle.studies.views import label, varied
+
+CSV = "summary.csv"
+ROWS_MAX, MEASURED_ROWS_MAX = 1000, 200
+SIDE_BY_SIDE_MAX = 4
+NONE = "\N{EN DASH}"
+
+
+def tables(summary: Summary) -> list[str]:
+    """Cells, comparisons and tolerances."""
+    plan = summary.plan
+    axes = plan.all_axes
+    head = [*([axis.title for axis in axes] or ["Cell"]), "Runs", "Captured"]
+    head += ["Capture rate (%)", "Restricted mean time (s)", "Median time (s)"]
+    rows = [
+        (
+            *_levels(plan, cell.cell),
+            str(cell.runs),
+            str(int(summary.captured[cell.cell].sum())),
+            _interval(cell.rate, ".1f", 100.0),
+            _interval(cell.time_s, ".2f"),
+            _number(cell.survival.median * summary.tick_s[cell.cell], ".2f"),
+        )
+        for cell in summary.cells[:ROWS_MAX]
+    ]
+    caption = "Cells, with 95 % intervals" + _cut(len(summary.cells), ROWS_MAX)
+    found = [page.heading("Tables"), page.table(caption, head, rows, max(1, len(axes)))]
+    if summary.comparisons:
+        found.append(_comparisons(summary))
+    if summary.tolerated:
+        found.append(_tolerances(summary))
+    return found
+
+
+def _comparisons(summary: Summary) -> str:
+    plan, axis = summary.plan, summary.plan.compared
+    assert axis is not None
+    others = [other for other in varied(plan) if other is not axis]
+    head = [axis.title, *(other.title for other in others), "Capture rate, difference (points)"]
+    head += ["Only one captured: it / baseline", "Cohen's g", "p (McNemar)"]
+    head += ["Restricted mean time, difference (s)", "d_z", "p (signs)", "p (log-rank)"]
+    rows = [
+        (
+            axis.shown(one.level),
+            *(other.shown(one.others[other.name]) for other in others),
+            *_differences(one),
+        )
+        for one in summary.comparisons[:ROWS_MAX]
+    ]
+    baseline = axis.shown(summary.comparisons[0].baseline)
+    caption = (
+        f"Comparisons with {label(axis)} {baseline}{f' {axis.unit}' if axis.unit else ''}, which is"
+        f" subtracted, on {many(summary.comparisons[0].rate.pairs, 'common seed')}"
+    )
+    cut = _cut(len(summary.comparisons), ROWS_MAX)
+    return page.table(caption + cut, head, rows, 1 + len(others))
+
+
+def _differences(one: Comparison) -> tuple[str, ...]:
+    rate, time_s = one.rate, one.time_s
+    return (
+        _interval(rate.mean, "+.1f", 100.0),
+        f"{rate.better} / {rate.worse}",
+        _interval(rate.effect, "+.2f"),
+        _p(rate.p),
+        _interval(time_s.mean, "+.2f"),
+        _interval(time_s.effect, "+.2f"),
+        _p(time_s.p),
+        _p(one.logrank_p),
+    )
+
+
+def _tolerances(summary: Summary) -> str:
+    plan = summary.plan
+    rate = f"{100.0 * plan.tolerated_rate:g} %"
+    rows = []
+    for one in summary.tolerated[:ROWS_MAX]:
+        axis = next(axis for axis in plan.all_axes if axis.name == one.axis)
+        held = where_text(plan, {a.name: one.others[a.name] for a in varied(plan) if a is not axis})
+        rows.append((axis.title, held or NONE, *_tolerance(plan, one)))
+    caption = f"Up to which level the capture rate stays at or above {rate}"
+    head = ("Axis", "At", "Level", "95 % interval")
+    return page.table(caption + _cut(len(summary.tolerated), ROWS_MAX), head, rows, 2)
+
+
+def _tolerance(plan: Plan, one: Tolerated) -> tuple[str, str]:
+    axis = next(axis for axis in plan.all_axes if axis.name == one.axis)
+    first, last = axis.shown(axis.column(0)), axis.shown(axis.column(len(axis.levels) - 1))
+    value, low, high = (bound * axis.scale for bound in one.level)
+    lower = f"{low:.3g}" if np.isfinite(low) else f"below {first}"
+    upper = f"{high:.3g}" if np.isfinite(high) else f"beyond {last}"
+    level = f"{value:.3g}" if np.isfinite(value) else f"none (below from {first} on)"
+    if np.isinf(high) and value == float(axis.column(len(axis.levels) - 1)) * axis.scale:
+        level = f"{last}, the last"
+    return level, f"[{lower}, {upper}]"
+
+
+def measures(summary: Summary) -> list[str]:
+    """Every measure's mean in every cell, folded."""
+    names = list(summary.cells[0].means)
+    if not names:
+        return []
+    if len(summary.cells) <= SIDE_BY_SIDE_MAX:
+        content = [_measures_beside(summary, names)]
+    else:
+        content = [_measured(summary, name) for name in names]
+    told = f"Means of {many(len(names), 'measure')} in every cell"
+    return [page.heading("Measures"), page.folded(told, content)]
+
+
+def _measures_beside(summary: Summary, names: Sequence[str]) -> str:
+    """One table, a column for each of few cells."""
+    plan = summary.plan
+    head = ["Measure", "Unit", *(_cell_name(plan, cell.cell) for cell in summary.cells)]
+    rows = [
+        (
+            f"{name}: {MEASURES[name].description}",
+            MEASURES[name].unit,
+            *(_interval(cell.means[name], ".4g") for cell in summary.cells),
+        )
+        for name in names
+    ]
+    return page.table("Means over runs, with 95 % intervals", head, rows)
+
+
+def _measured(summary: Summary, name: str) -> str:
+    """One measure's own table, a row for each cell."""
+    plan, measure = summary.plan, MEASURES[name]
+    rows = [
+        (*_levels(plan, cell.cell), _interval(cell.means[name], ".4g"))
+        for cell in summary.cells[:MEASURED_ROWS_MAX]
+    ]
+    head = [*(axis.title for axis in plan.all_axes), f"Mean ({measure.unit})"]
+    caption = f"{name}: {measure.description} Means over runs, with 95 % intervals"
+    caption += _cut(len(summary.cells), MEASURED_ROWS_MAX)
+    return page.folded(
+        f"{name} ({measure.unit})", [page.table(caption, head, rows, len(plan.all_axes))]
+    )
+
+
+def _levels(plan: Plan, cell: int) -> tuple[str, ...]:
+    """Levels of a cell as names of a row; a study without axes has one cell, named so."""
+    levels = plan.levels(cell)
+    return tuple(axis.shown(levels[axis.name]) for axis in plan.all_axes) or ("all",)
+
+
+def _cell_name(plan: Plan, cell: int) -> str:
+    levels = plan.levels(cell)
+    named = (f"{axis.title} {axis.shown(levels[axis.name])}" for axis in varied(plan))
+    return ", ".join(named) or "Mean"
+
+
+def _interval(interval: Interval, spec: str, scale: float = 1.0) -> str:
+    value, low, high = (scale * bound for bound in interval)
+    if np.isnan(value):
+        return NONE
+    if np.isnan(low) and np.isnan(high):
+        return f"{value:{spec}}"
+    return f"{value:{spec}} [{low:{spec}}, {high:{spec}}]"
+
+
+def _number(value: float, spec: str) -> str:
+    return NONE if np.isnan(value) else f"{value:{spec}}"
+
+
+def _p(p: float) -> str:
+    if np.isnan(p):
+        return NONE
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def many(count: int, what: str) -> str:
+    """``3 cells``."""
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
+def _cut(count: int, most: int) -> str:
+    return f"; the first {most} of {count}, all in {CSV}" if count > most else ""

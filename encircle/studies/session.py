@@ -1,0 +1,154 @@
+"""Runs of a study through real robot processes, kept from run to run.
+
+This process is the world; the robots are processes of their own, as in any hunt over Zenoh,
+started once for the largest team of the study. A run's log is made from its messages, by feeding
+the observations to fresh brains, since what robots believe does not travel. Whatever happens, the
+robots are ended: they go by themselves when the world is gone, and are made to if they do not.
+"""
+
+import json
+import os
+import secrets
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from encircle.launch import ONE_THREAD, STOP_S_MAX, free_endpoint
+from encircle.runlog import RunLog
+from encircle.studies.plan import Plan
+from encircle.studies.work import Row, Task, row
+from encircle.studies.workers import StudyFailed
+from protocol.keys import parse_key, robot_key, world_key
+from protocol.log import bounded_log
+from protocol.zenoh_link import LinkError, ZenohLink
+from world.core import WorldCore
+from world.engine import Arena, build
+from world.scenario import load
+from world.server import ANSWER_S_MAX, JOIN_S_MAX, run_rounds, send
+
+WATCH_PERIOD_S = 0.1
+Messages = list[tuple[int, str, bytes]]
+
+
+def over_zenoh(plan: Plan, tasks: Iterator[Task]) -> Iterator[list[Row]]:
+    """Run tasks one after the other through kept robot processes, a row at a time."""
+    teams = [plan.scenario_of(cell).ids for cell in range(len(plan.cells))]
+    with Session(max(teams, key=len)) as session:
+        for task in tasks:
+            scenario = load(json.loads(task.scenario))
+            for seed in task.seeds:
+                begun = time.perf_counter()
+                log, digest = session.hunt(build(scenario, seed))
+                yield [row(task, log, digest, begun)]
+
+
+class Session:
+    """Robot processes that wait for runs. Use as a context, which ends them."""
+
+    def __init__(self, robots: Sequence[str]) -> None:
+        self._robots = tuple(robots)
+        self._run = f"study-{secrets.token_hex(6)}"
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._alive: set[str] = set()
+        self._trouble = ""
+        self._everyone = threading.Event()
+        self._closed = threading.Event()
+        self._core: WorldCore | None = None
+
+    def __enter__(self) -> "Session":
+        try:
+            self._link = ZenohLink(free_endpoint(), True, robot_key(self._run, "*", "*"))
+        except LinkError as error:
+            raise StudyFailed(str(error)) from None
+        try:
+            self._start()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def _start(self) -> None:
+        self._link.watch(robot_key(self._run, "*", "alive"), self._alive_changed)
+        self._link.announce(world_key(self._run, "alive"))
+        options = ("--run", self._run, "--stay")
+        for robot in self._robots:
+            self._processes[robot] = subprocess.Popen(
+                [sys.executable, "-m", "agents", robot, "--connect", self._link.endpoint, *options],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env=os.environ | ONE_THREAD,
+                start_new_session=True,
+            )
+        if not self._everyone.wait(JOIN_S_MAX):
+            absent = ", ".join(sorted(set(self._robots) - self._alive))
+            raise StudyFailed(f"{absent} did not join within {JOIN_S_MAX:g} s")
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def __exit__(self, *_error: object) -> None:
+        self._closed.set()
+        self._link.close()
+        ends: tuple[Callable[[Any], None], ...] = (lambda _p: None, _terminate, _kill)
+        for end in ends:
+            for process in self._processes.values():
+                end(process)
+            deadline_s = time.monotonic() + STOP_S_MAX
+            while time.monotonic() < deadline_s:
+                if all(p.poll() is not None for p in self._processes.values()):
+                    return
+                time.sleep(0.02)
+
+    def hunt(self, arena: Arena) -> tuple[RunLog, str]:
+        """One run: its log and digest; ``StudyFailed`` if it does not come to its end."""
+        messages: Messages = []
+        core = WorldCore(
+            arena,
+            self._run,
+            bounded_log(),
+            record=lambda tick, key, payload: messages.append((tick, key, payload)),
+        )
+        for robot in arena.ids:
+            send(self._link, core.join(robot))
+        self._core = core
+        run_rounds(core, self._link)
+        if core.ended is None:
+            raise StudyFailed(self._trouble or "the link was closed")
+        self._core = None
+        digest = core.result().digest
+        return RunLog.of_messages(arena.scenario, arena.seed, self._run, messages), digest
+
+    def _alive_changed(self, key: str, alive: bool) -> None:
+        robot = parse_key(key).robot or ""
+        if alive:
+            self._alive.add(robot)
+            if self._alive.issuperset(self._robots):
+                self._everyone.set()
+        elif robot in self._robots and not self._closed.is_set():
+            self._trouble = self._trouble or f"robot {robot} is gone"
+
+    def _watch(self) -> None:
+        """Close the link, and so end the run under way, when a robot is gone or does not answer."""
+        core, tick, since_s = None, -1, time.monotonic()
+        while not self._closed.wait(WATCH_PERIOD_S):
+            now = self._core
+            if now is not core or now is None or now.state.tick != tick:
+                core, since_s = now, time.monotonic()
+                tick = now.state.tick if now is not None else -1
+            elif time.monotonic() - since_s > ANSWER_S_MAX:
+                names = ", ".join(now.table.waiting())
+                self._trouble = f"no answer from {names} for {ANSWER_S_MAX:g} s at tick {tick}"
+            if self._trouble:
+                self._link.close()
+                return
+
+
+def _terminate(process: "subprocess.Popen[bytes]") -> None:
+    if process.poll() is None:
+        process.terminate()
+
+
+def _kill(process: "subprocess.Popen[bytes]") -> None:
+    if process.poll() is None:
+        process.kill()

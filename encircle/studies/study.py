@@ -1,0 +1,102 @@
+"""A study at work: what is missing is run, what is there is kept, the table is read.
+
+``encircle.study("loss").table()`` runs what is missing and returns the table as a pandas frame.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from encircle.hunts import LINKS
+from encircle.studies import work
+from encircle.studies.plan import Plan
+from encircle.studies.table import StudyTable
+from encircle.studies.work import Row, Task
+from encircle.studies.workers import in_processes, on_cluster
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TASK_RUNS = 8
+Progress = Callable[[int, int], None]
+
+
+class Study:
+    """A plan and the directory of its table. ``directory``: ``runs/study-NAME`` by default.
+
+    Nothing is written before ``run`` or ``table`` is called.
+    """
+
+    def __init__(self, plan: Plan, directory: str | Path | None = None) -> None:
+        self.plan = plan
+        self.directory = Path(directory or Path("runs") / f"study-{plan.name}")
+
+    def run(
+        self,
+        *,
+        link: str = "memory",
+        workers: int | None = None,
+        cluster: str | None = None,
+        progress: Progress | None = None,
+    ) -> int:
+        """Run what is missing; returns how many runs that were.
+
+        ``link``: ``memory``, on ``workers`` processes of this machine (one per core by default) or
+        on the dask cluster at ``cluster``; or ``zenoh``, one run after the other through robot
+        processes that are kept. ``progress`` is called with the numbers of runs that are done and
+        that there are. Raises ``StudyError`` for a directory that is another study's and
+        ``StudyFailed`` if not everything could be run; the same call then goes on.
+        """
+        if link not in LINKS:
+            raise ValueError(f"link {link!r}: must be one of {', '.join(LINKS)}")
+        tell = progress or (lambda _done, _all: None)
+        with closing(self.open()) as table:
+            missing = int((~table.done).sum())
+            done = self.plan.runs - missing
+            tell(done, self.plan.runs)
+            if missing:
+                for rows in self._rows(tasks(self.plan, table.done), link, workers, cluster):
+                    table.append(rows)
+                    done += len(rows)
+                    tell(done, self.plan.runs)
+            table.merge()
+        return missing
+
+    def table(self) -> "pd.DataFrame":
+        """The whole table, one row per run by cell and seed; what is missing is run first."""
+        self.run()
+        with closing(self.open()) as table:
+            frame: pd.DataFrame = table.read().to_pandas()
+        return frame
+
+    def open(self) -> StudyTable:
+        """The table, locked until it is closed."""
+        return StudyTable(self.directory, self.plan, {"code": work.code()})
+
+    def _rows(
+        self, todo: Iterator[Task], link: str, workers: int | None, cluster: str | None
+    ) -> Iterator[list[Row]]:
+        if link == "zenoh":
+            from encircle.studies.session import over_zenoh
+
+            return over_zenoh(self.plan, todo)
+        if cluster is not None:
+            return on_cluster(todo, cluster)
+        return in_processes(todo, workers or os.cpu_count() or 1)
+
+
+def tasks(plan: Plan, done: NDArray[np.bool_]) -> Iterator[Task]:
+    """What is to do, a few seeds of one cell at a time. ``done``: (C, S) cells and seeds."""
+    missing = [np.flatnonzero(~row) for row in done]
+    for cell, places in enumerate(missing):
+        if places.size == 0:
+            continue
+        scenario = plan.scenario_of(cell).model_dump_json(exclude_unset=True)
+        for first in range(0, places.size, TASK_RUNS):
+            seeds = tuple(plan.seed_list[k] for k in places[first : first + TASK_RUNS])
+            yield Task(cell, plan.levels(cell), scenario, seeds, plan.columns)

@@ -1,0 +1,269 @@
+"""What a study's table says: each cell, levels against each other, how much is tolerated.
+
+Statistics are ``encircle.statistics``'s. Cells are read from the table one at a time and only the
+columns needed, so a summary takes no more memory for a long table than for a short one. The
+sentences of ``findings`` are made from the numbers alone: a difference whose interval holds zero is
+said to be undecided, never absent.
+"""
+
+import csv
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from encircle.measures import MEASURES
+from encircle.statistics import (
+    Difference,
+    Interval,
+    Survival,
+    capture_rate,
+    mean,
+    paired_difference,
+    rate_difference,
+    restricted_mean_ticks,
+    survival,
+    tolerance,
+)
+from encircle.statistics import logrank as logrank_of
+from encircle.studies.plan import Axis, Plan
+from encircle.studies.table import StudyTable
+
+CAPTURED, TICKS = "captured", "ticks"
+
+
+class Cell(NamedTuple):
+    """One cell: its levels, how often and when it captures, and the means of its measures.
+
+    ``time_s``: mean time to capture up to the limit of the run, ``limit_s``.
+    """
+
+    cell: int
+    levels: Mapping[str, Any]
+    runs: int
+    rate: Interval
+    time_s: Interval
+    limit_s: float
+    survival: Survival
+    means: Mapping[str, Interval]
+
+
+class Comparison(NamedTuple):
+    """One level of the compared axis against the baseline, all other levels alike.
+
+    ``rate`` and ``time_s`` are differences on common seeds, level minus baseline, ``time_s`` up to
+    the limit; ``logrank_p`` takes all times to capture into account.
+    """
+
+    level: Any
+    baseline: Any
+    others: Mapping[str, Any]
+    rate: Difference
+    time_s: Difference
+    logrank_p: float
+
+
+class Tolerated(NamedTuple):
+    """Up to which level of a numeric axis the capture rate stays at or above a given one."""
+
+    axis: str
+    others: Mapping[str, Any]
+    level: Interval
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A study summed up. ``raw``: (C, S) of each cell's ``captured`` and ``ticks``, by seed."""
+
+    plan: Plan
+    cells: tuple[Cell, ...]
+    captured: NDArray[np.bool_]
+    ticks: NDArray[np.float64]
+    tick_s: tuple[float, ...]
+
+    @cached_property
+    def comparisons(self) -> tuple[Comparison, ...]:
+        """Every level of the compared axis against the baseline, in every setting of the others."""
+        axis = self.plan.compared
+        if axis is None:
+            return ()
+        found = []
+        for others, row in rows_along(self.plan, axis):
+            base = baseline_of(self.plan, axis)
+            for place, cell in enumerate(row):
+                if place != base:
+                    found.append(self._compared(axis, others, row[base], cell, base, place))
+        return tuple(found)
+
+    def _compared(
+        self, axis: Axis, others: Mapping[str, Any], a: int, b: int, base: int, place: int
+    ) -> Comparison:
+        seconds = [self.ticks[k] * self.tick_s[k] for k in (a, b)]
+        return Comparison(
+            axis.levels[place],
+            axis.levels[base],
+            others,
+            rate_difference(self.captured[a], self.captured[b]),
+            paired_difference(*seconds),
+            logrank_of(seconds[0], self.captured[a], seconds[1], self.captured[b]),
+        )
+
+    @cached_property
+    def tolerated(self) -> tuple[Tolerated, ...]:
+        """For each numeric axis and setting of the others, how far capture holds."""
+        found = []
+        for axis in self.plan.all_axes:
+            ascending = axis.numeric and list(axis.levels) == sorted(axis.levels)
+            if not ascending or len(axis.levels) < 3 or self.captured.shape[1] < 2:
+                continue
+            levels = [float(level) for level in axis.levels]
+            for others, row in rows_along(self.plan, axis):
+                held = tolerance(levels, self.captured[list(row)], self.plan.tolerated_rate)
+                found.append(Tolerated(axis.name, others, held))
+        return tuple(found)
+
+    def write_csv(self, path: Path) -> None:
+        """One line per cell: levels, rate, time and means of measures, each with its interval."""
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            names = [axis.name for axis in self.plan.all_axes]
+            measured = list(self.cells[0].means)
+            spread = [
+                f"{name}{end}"
+                for name in ("capture_rate", "time_s_restricted", *measured)
+                for end in ("", "_low", "_high")
+            ]
+            writer.writerow(["cell", *names, "runs", *spread, "median_s"])
+            for cell, tick_s in zip(self.cells, self.tick_s, strict=True):
+                intervals = (cell.rate, cell.time_s, *(cell.means[name] for name in measured))
+                numbers = [f"{v:.10g}" for interval in intervals for v in interval]
+                levels = [cell.levels[name] for name in names]
+                median_s = f"{cell.survival.median * tick_s:.10g}"
+                writer.writerow([cell.cell, *levels, cell.runs, *numbers, median_s])
+
+
+def summarise(plan: Plan, table: StudyTable) -> Summary:
+    """Sum up a complete table."""
+    cells, captured, ticks, tick_s = [], [], [], []
+    numbers = [name for name in plan.columns if name in MEASURES]
+    for place in range(len(plan.cells)):
+        rows = table.read([CAPTURED, TICKS, *numbers], slice(place, place + 1))
+        scenario = plan.scenario_of(place)
+        flags = rows[CAPTURED].to_numpy() > 0.5
+        times = rows[TICKS].to_numpy().astype(float)
+        limit_s = scenario.ticks_max * scenario.tick_s
+        seconds = times * scenario.tick_s
+        cells.append(
+            Cell(
+                place,
+                plan.levels(place),
+                len(flags),
+                capture_rate(flags),
+                restricted_mean_ticks(seconds, flags, limit_s),
+                limit_s,
+                survival(times, flags),
+                {name: mean(rows[name].to_numpy()) for name in numbers if name != CAPTURED},
+            )
+        )
+        captured.append(flags)
+        ticks.append(times)
+        tick_s.append(scenario.tick_s)
+    return Summary(plan, tuple(cells), np.array(captured), np.array(ticks), tuple(tick_s))
+
+
+def rows_along(plan: Plan, axis: Axis) -> Iterator[tuple[dict[str, Any], tuple[int, ...]]]:
+    """Cells along one axis for each setting of the others: (other levels, cells by level)."""
+    along = plan.all_axes.index(axis)
+
+    def others(cell: int) -> tuple[int, ...]:
+        places = plan.cells[cell]
+        return (*places[:along], *places[along + 1 :])
+
+    for _, group in groupby(sorted(range(len(plan.cells)), key=others), key=others):
+        row = tuple(group)
+        levels = plan.levels(row[0])
+        del levels[axis.name]
+        yield levels, row
+
+
+def baseline_of(plan: Plan, axis: Axis) -> int:
+    """Place of the level that the others are compared with: the plan's, or the first."""
+    named = [k for k, level in enumerate(axis.levels) if str(level) == plan.baseline]
+    return named[0] if named else 0
+
+
+def findings(summary: Summary) -> list[str]:
+    """Plain sentences, each with the interval that it rests on."""
+    plan = summary.plan
+    found = [_range_sentence(summary)]
+    found += [_tolerance_sentence(plan, one) for one in summary.tolerated]
+    if plan.compared is not None:
+        found += [_comparison_sentence(plan, one) for one in summary.comparisons]
+    return found
+
+
+def where_text(plan: Plan, levels: Mapping[str, Any]) -> str:
+    """Levels as a person reads them: ``packet loss 30 %, strategy xi-0``."""
+    parts = []
+    for axis in plan.all_axes:
+        if axis.name in levels:
+            label, unit = axis.label or axis.name, f" {axis.unit}" if axis.unit else ""
+            parts.append(f"{label} {axis.shown(levels[axis.name])}{unit}")
+    return ", ".join(parts)
+
+
+def _range_sentence(summary: Summary) -> str:
+    best = max(summary.cells, key=lambda cell: cell.rate.value)
+    worst = min(summary.cells, key=lambda cell: cell.rate.value)
+    if len(summary.cells) == 1:
+        return f"The target is captured in {_percent(best.rate)} of {best.runs} runs."
+    low, high = (
+        f"{_percent(cell.rate)} ({where_text(summary.plan, cell.levels)})" for cell in (worst, best)
+    )
+    return f"The capture rate goes from {low} to {high}, {best.runs} runs each."
+
+
+def _tolerance_sentence(plan: Plan, one: Tolerated) -> str:
+    axis = next(a for a in plan.all_axes if a.name == one.axis)
+    unit = f" {axis.unit}" if axis.unit else ""
+    label = axis.label or axis.name
+    at = f" at {where_text(plan, one.others)}" if one.others else ""
+    rate = f"{100 * plan.tolerated_rate:g} %"
+    value, low, high = one.level
+    first, last = float(axis.levels[0]), float(axis.levels[-1])
+    shown = [axis.shown(round(v, 6)) if np.isfinite(v) else "" for v in (value, low, high)]
+    if np.isnan(value):
+        return f"Capture stays below {rate}{at} even at a {label} of {axis.shown(first)}{unit}."
+    holds = f"Capture stays at or above {rate}{at} up to"
+    if value >= last and np.isinf(high):
+        below = f" (95 % sure up to {shown[1]}{unit})" if shown[1] and low < last else ""
+        return f"{holds} the largest {label} tried, {shown[0]}{unit}{below}."
+    lower = shown[1] or f"below {axis.shown(first)}"
+    upper = shown[2] or f"beyond {axis.shown(last)}"
+    return f"{holds} a {label} of {shown[0]}{unit} [{lower}, {upper}]."
+
+
+def _comparison_sentence(plan: Plan, one: Comparison) -> str:
+    at = f" at {where_text(plan, one.others)}" if one.others else ""
+    rate, time = one.rate.mean, one.time_s.mean
+    parts = []
+    for what, interval, scale, unit in (
+        ("capture rate", rate, 100.0, "points"),
+        ("time to capture", time, 1.0, "s"),
+    ):
+        text = f"{Interval(*(scale * v for v in interval)):+.3g} {unit}"
+        decided = interval.low > 0.0 or interval.high < 0.0
+        word = ("higher" if interval.value > 0 else "lower") if decided else "undecided"
+        parts.append(f"{what} {word} ({text})")
+    effect = one.time_s.effect.value
+    size = f", effect size d_z {effect:+.2f}" if np.isfinite(effect) else ""
+    return f"{one.level} against {one.baseline}{at}: {'; '.join(parts)}{size}."
+
+
+def _percent(rate: Interval) -> str:
+    return f"{100 * rate.value:.0f} % [{100 * rate.low:.0f}, {100 * rate.high:.0f}]"

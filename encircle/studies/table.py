@@ -1,0 +1,226 @@
+"""The table of a study: one row per run, in Parquet files that only ever grow.
+
+A batch of finished runs becomes one small file under ``parts``, written aside and renamed, so that
+whatever ends the program leaves whole files; when the study is complete, and when there are many of
+them, the parts are merged into ``table.parquet``, sorted by cell and seed, a bounded number of rows
+at a time. ``study.json`` says whose table it is: which study, configuration and code. A directory
+that belongs to another is refused, and nothing in it is touched.
+"""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO, TextIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from encircle.studies.plan import Plan, StudyError
+
+TABLE, PARTS, OWNER, LOCK = "table.parquet", "parts", "study.json", "lock"
+PARTS_MAX = 512
+MERGED_ROWS = 20_000
+
+
+class StudyTable:
+    """The table in a directory, locked for this process until ``close``.
+
+    ``done``: (C, S) whether it has the run of a cell with the seed at a place.
+    Raises ``StudyError`` for a directory that is not ours to write in, and for damaged files.
+    """
+
+    def __init__(self, directory: Path, plan: Plan, code: Mapping[str, str]) -> None:
+        self.directory = directory
+        self.owner = {
+            "study": plan.name,
+            "fingerprint": plan.fingerprint,
+            **code,
+        }
+        self._plan = plan
+        self._place = {seed: k for k, seed in enumerate(plan.seed_list)}
+        existing = _owner_of(directory)
+        if existing is not None:
+            self._refuse_foreign(existing)
+        try:
+            (directory / PARTS).mkdir(parents=True, exist_ok=True)
+            self._lock = _locked(directory / LOCK)
+            if existing is None:
+                tree = {**self.owner, "plan": plan.model_dump(mode="json")}
+                _written(directory / OWNER, json.dumps(tree, indent=2).encode() + b"\n")
+        except OSError as error:
+            raise StudyError(f"{directory} cannot be used: {error.strerror or error}") from None
+        try:
+            self.done = self._read_done()
+        except StudyError:
+            self.close()
+            raise
+        for left in directory.rglob("*.tmp"):
+            left.unlink()
+        self._numbers = [int(path.stem) for path in self._parts()]
+
+    def close(self) -> None:
+        """Let others use the table. May be called twice."""
+        self._lock.close()
+
+    def append(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Add finished runs; they are on disk when this returns."""
+        number = max(self._numbers, default=0) + 1
+        table = pa.Table.from_pylist(list(rows), schema=self._schema(rows[0]))
+        _write_table(self.directory / PARTS / f"{number:08}.parquet", [table])
+        self._numbers.append(number)
+        for row in rows:
+            place = self._place[row["seed"]]
+            assert not self.done[row["cell"], place], f"run {row['cell']}, {row['seed']} came twice"
+            self.done[row["cell"], place] = True
+        if len(self._numbers) >= PARTS_MAX:
+            self.merge()
+
+    def merge(self) -> None:
+        """Put everything into one file, sorted; what was there is replaced only by the whole."""
+        parts = self._parts()
+        if not parts:
+            return
+        source = self._dataset()
+        per_cell = max(1, self._plan.runs // len(self._plan.cells))
+        step = max(1, MERGED_ROWS // per_cell)
+        pieces = (
+            _sorted(source, cell, cell + step) for cell in range(0, len(self._plan.cells), step)
+        )
+        _write_table(self.directory / TABLE, pieces)
+        for path in parts:
+            path.unlink()
+        self._numbers = []
+
+    def read(self, columns: Sequence[str] | None = None, cells: slice | None = None) -> pa.Table:
+        """The rows of some cells (all by default) sorted by cell and seed, each run once."""
+        span = cells or slice(0, len(self._plan.cells))
+        rows = _sorted(self._dataset(), span.start, span.stop, columns)
+        # An earlier call may have asked for more seeds than this one.
+        return rows.filter(pc.is_in(rows["seed"], pa.array(self._plan.seed_list)))
+
+    def _parts(self) -> list[Path]:
+        return sorted((self.directory / PARTS).glob("*.parquet"))
+
+    def _dataset(self) -> ds.Dataset:
+        whole = self.directory / TABLE
+        files = [*([whole] if whole.exists() else []), *self._parts()]
+        return ds.dataset([str(path) for path in files], format="parquet")
+
+    def _schema(self, row: Mapping[str, Any]) -> pa.Schema:
+        kinds = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
+        named = [(name, kinds[type(value)]) for name, value in row.items()]
+        return pa.schema(named, {key: str(value) for key, value in self.owner.items()})
+
+    def _read_done(self) -> NDArray[np.bool_]:
+        done = np.zeros((len(self._plan.cells), len(self._plan.seed_list)), bool)
+        whole = self.directory / TABLE
+        for path in [*([whole] if whole.exists() else []), *self._parts()]:
+            rows = self._read_keys(path)
+            for cell, seed in zip(
+                *(rows[name].to_pylist() for name in ("cell", "seed")), strict=True
+            ):
+                place = self._place.get(seed)
+                if place is not None and 0 <= cell < len(done):
+                    done[cell, place] = True
+        return done
+
+    def _read_keys(self, path: Path) -> pa.Table:
+        try:
+            with pq.ParquetFile(path) as file:
+                said = {
+                    k.decode(): v.decode() for k, v in (file.schema_arrow.metadata or {}).items()
+                }
+                rows = file.read(columns=["cell", "seed"])
+        except (pa.ArrowException, OSError, KeyError) as error:
+            line = (str(error).splitlines() or [type(error).__name__])[0]
+            raise StudyError(
+                f"{path} is damaged ({line}): delete it to have its runs repeated;"
+                " nothing was changed"
+            ) from None
+        self._refuse_foreign(said, path)
+        return rows
+
+    def _refuse_foreign(self, said: Mapping[str, Any], path: Path | None = None) -> None:
+        for key, wanted in self.owner.items():
+            if str(said.get(key)) != str(wanted):
+                what = {"fingerprint": "configuration"}.get(key, key)
+                raise StudyError(
+                    f"{path or self.directory} holds runs of {what} {said.get(key)!r}, this is"
+                    f" {wanted!r}: choose another --out; nothing was changed"
+                )
+
+
+def _owner_of(directory: Path) -> dict[str, Any] | None:
+    """What a directory says it belongs to; None if it is new or empty."""
+    try:
+        if not directory.exists() or not any(directory.iterdir()):
+            return None
+        tree = json.loads((directory / OWNER).read_text(encoding="utf-8"))
+        return {key: value for key, value in tree.items() if key != "plan"}
+    except FileNotFoundError:
+        raise StudyError(
+            f"{directory} is not empty and not a study's: choose another --out; nothing was changed"
+        ) from None
+    except (ValueError, AttributeError):
+        raise StudyError(f"{directory / OWNER} is damaged; nothing was changed") from None
+    except OSError as error:
+        raise StudyError(f"{directory} cannot be used: {error.strerror}") from None
+
+
+def _locked(path: Path) -> TextIO:
+    """The lock file, held until it is closed or the process ends."""
+    file = open(path, "a", encoding="utf-8")  # noqa: SIM115  # held, not used
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise StudyError(f"{path.parent} is in use by another process") from None
+    return file
+
+
+def _sorted(
+    source: ds.Dataset, first: int, after: int, columns: Sequence[str] | None = None
+) -> pa.Table:
+    wanted = None if columns is None else list(dict.fromkeys(["cell", "seed", *columns]))
+    chosen = (ds.field("cell") >= first) & (ds.field("cell") < after)
+    rows = source.to_table(columns=wanted, filter=chosen).sort_by(
+        [("cell", "ascending"), ("seed", "ascending")]
+    )
+    # A merge that was cut off leaves parts that the table has already.
+    cells, seeds = rows["cell"].to_numpy(), rows["seed"].to_numpy()
+    first_of = np.ones(len(cells), bool)
+    first_of[1:] = (cells[1:] != cells[:-1]) | (seeds[1:] != seeds[:-1])
+    return rows if first_of.all() else rows.filter(pa.array(first_of))
+
+
+def _write_table(path: Path, pieces: Iterable[pa.Table]) -> None:
+    """Write tables to a file that appears under its name only when it is whole."""
+    aside = path.with_suffix(".tmp")
+    writer = None
+    with open(aside, "wb") as file:
+        for piece in pieces:
+            writer = writer or pq.ParquetWriter(file, piece.schema, compression="zstd")
+            writer.write_table(piece)
+        if writer is not None:
+            writer.close()
+        _flushed(file)
+    aside.replace(path)
+
+
+def _written(path: Path, content: bytes) -> None:
+    aside = path.with_suffix(".tmp")
+    with open(aside, "wb") as file:
+        file.write(content)
+        _flushed(file)
+    aside.replace(path)
+
+
+def _flushed(file: BinaryIO) -> None:
+    file.flush()
+    os.fsync(file.fileno())

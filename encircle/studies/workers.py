@@ -1,0 +1,122 @@
+"""Who runs the runs of a study: processes of this machine, or workers of a dask cluster.
+
+Both take tasks and yield rows as they are finished, in any order, with a bounded number of tasks
+under way; what the rows say does not depend on who made them.
+"""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from concurrent import futures
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import connection, get_context, parent_process
+from typing import Any
+
+from encircle.studies import work
+from encircle.studies.work import Row, Task
+
+TASKS_PER_WORKER = 3
+CONNECT_S_MAX = 10.0
+WORKERLESS_S_MAX = 60.0
+POLL_S = 2.0
+RETRIES = 3
+
+
+class StudyFailed(Exception):
+    """A study that stopped before its end; what was finished is in its table."""
+
+
+def in_processes(tasks: Iterator[Task], workers: int) -> Iterator[list[Row]]:
+    """Run tasks on processes of this machine. ``StudyFailed`` if one of them dies."""
+    # Not forked: a forked copy of a process with threads, as Zenoh's, may hang.
+    pool = futures.ProcessPoolExecutor(workers, get_context("spawn"), _prepare)
+    waiting: set[futures.Future[tuple[str, list[Row]]]] = set()
+    try:
+        for task in tasks:
+            waiting.add(pool.submit(work.run_task, task))
+            if len(waiting) >= TASKS_PER_WORKER * workers:
+                done, waiting = futures.wait(waiting, return_when=futures.FIRST_COMPLETED)
+                yield from (future.result()[1] for future in done)
+        yield from (future.result()[1] for future in futures.as_completed(waiting))
+    except BrokenProcessPool:
+        raise StudyFailed("a worker process died; the same command goes on from here") from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _prepare() -> None:
+    """In a new worker: leave Ctrl-C to the parent, and end when the parent does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    assert parent is not None
+    connection.wait([parent.sentinel])
+    os._exit(1)
+
+
+def on_cluster(tasks: Iterator[Task], address: str) -> Iterator[list[Row]]:
+    """Run tasks on the workers of the dask scheduler at an address.
+
+    A worker that dies has its tasks run by another. Raises ``StudyFailed`` if there is no
+    scheduler, no worker for ``WORKERLESS_S_MAX``, or one with another version of this program.
+    """
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=CONNECT_S_MAX, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise StudyFailed(f"no dask scheduler at {address}: {error}") from None
+    try:
+        yield from _from_cluster(client, tasks)
+    finally:
+        client.close()
+
+
+def _from_cluster(client: Any, tasks: Iterator[Task]) -> Iterator[list[Row]]:
+    waiting: set[Any] = set()
+    for task in tasks:
+        waiting.add(client.submit(work.run_task, task, pure=False, retries=RETRIES))
+        threads = sum(client.nthreads().values())
+        while len(waiting) >= TASKS_PER_WORKER * max(1, threads):
+            done, waiting = _some(client, waiting)
+            yield from map(_checked, done)
+    while waiting:
+        done, waiting = _some(client, waiting)
+        yield from map(_checked, done)
+
+
+def _some(client: Any, waiting: set[Any]) -> tuple[set[Any], set[Any]]:
+    """The finished ones and the others, once there is a finished one."""
+    from distributed import wait
+
+    seen_s = time.monotonic()
+    while True:
+        if client.nthreads():
+            seen_s = time.monotonic()
+        elif time.monotonic() - seen_s > WORKERLESS_S_MAX:
+            raise StudyFailed(f"the cluster has had no worker for {WORKERLESS_S_MAX:g} s")
+        try:
+            with client.as_current():
+                done, rest = wait(waiting, timeout=POLL_S, return_when="FIRST_COMPLETED")
+        except TimeoutError:
+            continue
+        return set(done), set(rest)
+
+
+def _checked(future: Any) -> list[Row]:
+    """A task's rows, if the worker runs the same code as we do."""
+    try:
+        code, rows = future.result()
+    except Exception as error:
+        raise StudyFailed(f"a worker of the cluster failed: {error}") from error
+    if code != work.code():
+        raise StudyFailed(
+            f"a worker of the cluster runs code {code}, this is {work.code()}: install the same"
+            " versions of this program, numpy and scipy everywhere"
+        )
+    return list(rows)

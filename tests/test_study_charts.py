@@ -1,0 +1,454 @@
+"""Figures of studies: what they show against counts from the table, what they name, what fits."""
+
+import os
+import subprocess
+import sys
+from contextlib import closing
+from itertools import combinations, pairwise
+from math import sqrt
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from helpers_studies import (
+    ARMS,
+    DELAY,
+    LOSS,
+    Truth,
+    filled,
+    loss_only,
+    never,
+    study_plan,
+)
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import same_color
+from matplotlib.text import Text
+
+from encircle.studies import chart_frames, charts, views
+from encircle.studies.charts import charts_of, drawn_along, write_charts
+from encircle.studies.plan import Axis
+from encircle.studies.summary import summarise
+
+STRATEGIES = ["xi-star", "xi-0"]
+HOSTILE = ["$x^2", "_hidden", "a\nb <script>", "w" * 70, "a name that is longer than " * 4]
+EDGE_PX = 1.0
+CASES = {
+    "lines": ({"axes": [LOSS], "strategies": STRATEGIES, "seeds": 12}, loss_only),
+    "grid": ({"axes": [LOSS, DELAY], "seeds": 6}, loss_only),
+    "arms": ({"axes": [ARMS, LOSS], "compare": "radio", "seeds": 6}, loss_only),
+    "names": (
+        {
+            "axes": [{"name": "arm", "arms": [{"name": n, "set": {}} for n in HOSTILE]}],
+            "strategies": STRATEGIES,
+            "seeds": 6,
+        },
+        loss_only,
+    ),
+    "single": ({"seeds": 1}, loss_only),
+    "one_seed": ({"axes": [LOSS], "strategies": STRATEGIES, "seeds": 1}, loss_only),
+    "none": ({"axes": [LOSS], "strategies": STRATEGIES, "seeds": 6}, never),
+    "all": ({"axes": [LOSS], "seeds": 6}, lambda _levels: Truth(0.3)),
+}
+
+
+class Case:
+    """A simulated study: its table's rows, its summary, its figures by name, drawn once."""
+
+    def __init__(self, directory, tree, truth):
+        self.plan = study_plan(**tree)
+        with closing(filled(self.plan, directory, truth)) as table:
+            self.rows = table.read().to_pydict()
+            self.summary = summarise(self.plan, table)
+        with matplotlib.rc_context(chart_frames.LOOK):
+            self.drawn = {drawn.name: drawn for drawn in charts_of(self.summary)}
+            for drawn in self.drawn.values():
+                FigureCanvasAgg(drawn.figure)
+                drawn.figure.draw_without_rendering()
+
+    def column(self, name, **levels):
+        """A column of the runs at some levels, in the order of seeds."""
+        kept = np.ones(len(self.rows[name]), bool)
+        for axis, level in levels.items():
+            kept &= np.array([value == level for value in self.rows[axis]])
+        return np.array(self.rows[name], float)[kept]
+
+
+@pytest.fixture(scope="module")
+def cases(tmp_path_factory):
+    made = {}
+
+    def case(name):
+        if name not in made:
+            made[name] = Case(tmp_path_factory.mktemp(name) / "t", *CASES[name])
+        return made[name]
+
+    return case
+
+
+def wilson(captured):
+    """Wilson's interval for 95 %, in closed form."""
+    n, p, z = len(captured), np.mean(captured), 1.959963984540054
+    centre, reach = p + z * z / (2 * n), z * sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return (centre - reach) / (1 + z * z / n), (centre + reach) / (1 + z * z / n)
+
+
+def bars(axes, place):
+    """Lower and upper ends of the error bars of the errorbar container at a place."""
+    _line, _caps, (segments,) = axes.containers[place]
+    return np.array(segments.get_segments())
+
+
+def legend_texts(figure):
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def test_rates_are_shares_of_the_runs_with_wilsons_bars(cases):
+    case = cases("lines")
+    (axes,) = case.drawn["rate-by-loss"].figure.axes
+    for place, strategy in enumerate(STRATEGIES):
+        runs = [case.column("captured", loss=x, strategy=strategy) for x in LOSS["values"]]
+        points = axes.containers[place].lines[0].get_ydata()
+        assert points == pytest.approx([100 * np.mean(r) for r in runs])
+        expected = 100 * np.array([wilson(r) for r in runs])
+        assert bars(axes, place)[:, :, 1] == pytest.approx(expected, abs=1e-9)
+
+
+def test_times_are_means_in_which_runs_without_capture_count_as_the_limit(cases):
+    case = cases("lines")
+    (axes,) = case.drawn["time-by-loss"].figure.axes
+    for place, strategy in enumerate(STRATEGIES):
+        runs = [case.column("ticks", loss=x, strategy=strategy) for x in LOSS["values"]]
+        points = axes.containers[place].lines[0].get_ydata()
+        assert points == pytest.approx([0.1 * np.mean(np.minimum(r, 300)) for r in runs])
+
+
+def test_points_of_a_level_stand_side_by_side_about_it(cases):
+    (axes,) = cases("lines").drawn["rate-by-loss"].figure.axes
+    left, right = (container.lines[0].get_xdata() for container in axes.containers)
+    assert (left + right) / 2 == pytest.approx([0, 20, 40, 60, 80])
+    assert (left < right).all()
+    assert np.diff(np.sort(np.concatenate([left, right]))).max() < 20
+
+
+def test_every_axis_has_a_label_with_its_unit_and_every_line_an_entry(cases):
+    figures = cases("lines").drawn
+    (axes,) = figures["rate-by-loss"].figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("packet loss (%)", "capture rate (%)")
+    (axes,) = figures["time-by-loss"].figure.axes
+    assert axes.get_ylabel() == "restricted mean time (s)"
+    assert legend_texts(figures["rate-by-loss"].figure) == STRATEGIES
+    survival = figures["survival"].figure
+    assert legend_texts(survival) == [*STRATEGIES, "not captured"]
+    assert {a.get_xlabel() for a in survival.axes} == {"time (s)", ""}
+    assert {a.get_ylabel() for a in survival.axes} == {"share still free (%)", ""}
+    left, right = figures["differences"].figure.axes
+    assert "percentage points" in left.get_xlabel()
+    assert "(s;" in right.get_xlabel()
+    ages = figures["age"].figure.axes
+    assert [a.get_xlabel() for a in ages[:2]] == ["mean age of information (s)"] * 2
+    assert ages[2].get_ylabel() == "packet loss (%)"
+    maps = cases("grid").drawn["map"].figure.axes
+    assert {a.get_xlabel() for a in maps} == {
+        "packet loss (%)",
+        "capture rate (%)",
+        "restricted mean time (s)",
+    }
+    assert maps[0].get_ylabel() == "mean delay (ms)"
+
+
+def test_lines_differ_in_colour_and_marker_and_dashes(cases):
+    (axes,) = cases("grid").drawn["rate-by-delay"].figure.axes
+    looks = [container.lines[0] for container in axes.containers]
+    assert len(looks) == 5
+    for one, other in combinations(looks, 2):
+        assert not same_color(one.get_color(), other.get_color())
+        assert one.get_marker() != other.get_marker()
+        assert one._unscaled_dash_pattern != other._unscaled_dash_pattern
+
+
+def test_survival_is_the_share_of_runs_that_last_longer(cases):
+    case = cases("lines")
+    panels = case.drawn["survival"].figure.axes
+    assert [axes.get_title() for axes in panels] == [
+        f"packet\N{NO-BREAK SPACE}loss\N{NO-BREAK SPACE}{x}\N{NO-BREAK SPACE}%"
+        for x in (0, 20, 40, 60, 80)
+    ]
+    for axes, loss in zip(panels, LOSS["values"], strict=True):
+        for place, strategy in enumerate(STRATEGIES):
+            curve, stroke = axes.lines[2 * place : 2 * place + 2]
+            captured = case.column("captured", loss=loss, strategy=strategy) > 0
+            ticks = case.column("ticks", loss=loss, strategy=strategy)
+            # All censoring is at the end, so Kaplan and Meier's estimate is a plain share.
+            for time_s, share in zip(*curve.get_data(), strict=True):
+                still = (ticks > time_s / 0.1 + 1e-6) | ~captured
+                assert share == pytest.approx(100 * still.mean())
+            assert list(stroke.get_xdata()) == pytest.approx([30.0] * (not captured.all()))
+        assert axes.get_xlim()[1] >= 30.0
+
+
+def test_a_map_has_each_cell_in_its_place_with_its_number(cases):
+    case = cases("grid")
+    rates, times = case.drawn["map"].figure.axes[:2]
+    shown = rates.collections[0].get_array().reshape(7, 5)
+    printed = np.array([text.get_text() for text in rates.texts]).reshape(7, 5)
+    seconds = np.array([text.get_text() for text in times.texts]).reshape(7, 5)
+    for (y, x), value in np.ndenumerate(shown):
+        at = {"loss": LOSS["values"][x], "delay": DELAY["values"][y]}
+        assert value == pytest.approx(100 * case.column("captured", **at).mean())
+        assert float(printed[y, x]) == pytest.approx(value, abs=0.5)
+        assert float(seconds[y, x]) == pytest.approx(
+            0.1 * case.column("ticks", **at).mean(), abs=0.05 + 1e-9
+        )
+    assert [t.get_text() for t in rates.get_xticklabels()] == ["0", "20", "40", "60", "80"]
+    assert [t.get_text() for t in rates.get_yticklabels()] == [
+        f"{1000 * d:g}" for d in DELAY["values"]
+    ]
+
+
+def test_numbers_of_a_map_can_be_read_on_their_cells(cases):
+    def luminance(colour):
+        parts = np.asarray(matplotlib.colors.to_rgb(colour))
+        linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        return linear @ (0.2126, 0.7152, 0.0722)
+
+    for axes in cases("grid").drawn["map"].figure.axes[:2]:
+        faces = axes.collections[0].get_facecolors()
+        for text, face in zip(axes.texts, faces, strict=True):
+            dark, light = sorted((luminance(text.get_color()), luminance(face[:3])))
+            assert (light + 0.05) / (dark + 0.05) >= 4.5
+
+
+def test_levels_that_are_not_in_order_are_drawn_in_order(tmp_path):
+    turned = {**LOSS, "values": [0.6, 0.0, 0.3]}
+    case = Case(tmp_path / "t", {"axes": [turned, DELAY], "seeds": 3}, loss_only)
+    (axes,) = case.drawn["rate-by-loss"].figure.axes
+    places = axes.containers[0].lines[0].get_xdata()
+    assert (np.diff(places) > 0).all()
+    first = [case.column("captured", loss=x, delay=0.0) for x in (0.0, 0.3, 0.6)]
+    assert axes.containers[0].lines[0].get_ydata() == pytest.approx([100 * r.mean() for r in first])
+    shown = case.drawn["map"].figure.axes[0].collections[0].get_array().reshape(7, 3)
+    assert shown[0] == pytest.approx([100 * r.mean() for r in first])
+
+
+def test_differences_are_level_minus_baseline_and_filled_where_zero_is_left_out(cases):
+    case = cases("arms")
+    rates, times = case.drawn["differences"].figure.axes
+    arms = [arm["name"] for arm in ARMS["arms"]]
+    expected = {
+        (axes, x, arm): scale
+        * (case.column(name, loss=x, radio=arm) - case.column(name, loss=x, radio=arms[0])).mean()
+        for axes, name, scale in ((rates, "captured", 100.0), (times, "ticks", 0.1))
+        for x in LOSS["values"]
+        for arm in arms[1:]
+    }
+    for axes in (rates, times):
+        points = [
+            line for line in axes.lines if line.get_marker() in "osD^" and line.get_ls() == "None"
+        ]
+        spans = [line for line in axes.lines if len(line.get_xdata()) == 2 and line.get_lw() == 1.0]
+        assert len(points) == len(spans) == 10
+        for place, (point, span) in enumerate(zip(points, spans, strict=True)):
+            level, arm = LOSS["values"][place // 2], arms[1 + place % 2]
+            assert point.get_xdata()[0] == pytest.approx(expected[axes, level, arm])
+            assert int(point.get_ydata()[0]) == place // 2
+            low, high = span.get_xdata()
+            hollow = same_color(point.get_markerfacecolor(), "white")
+            assert hollow == (low <= 0.0 <= high)
+    assert rates.get_yticklabels()[0].get_text().endswith("0\N{NO-BREAK SPACE}%")
+
+
+def test_age_is_in_seconds_and_has_a_point_for_each_cell(cases):
+    case = cases("grid")
+    rates, _times, _bar = case.drawn["age"].figure.axes
+    points = np.vstack([c.get_offsets() for c in rates.collections if c.get_offsets().size > 2])
+    expected = [
+        (
+            0.1 * case.column("age_ticks_mean", loss=x, delay=d).mean(),
+            100 * case.column("captured", loss=x, delay=d).mean(),
+        )
+        for x in LOSS["values"]
+        for d in DELAY["values"]
+    ]
+    assert sorted(map(tuple, points.tolist())) == pytest.approx(sorted(expected))
+
+
+def tick_labels(axes):
+    """The texts along x, and those along y, that stand at a place in view."""
+    found = []
+    for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        low, high = sorted(limits)
+        ticks = [t for t in axis.get_major_ticks() if low <= t.get_loc() <= high]
+        texts = [t for tick in ticks for t in (tick.label1, tick.label2)]
+        found.append([text for text in texts if text.get_visible() and text.get_text()])
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(CASES))
+def test_all_text_is_inside_the_figure_and_names_do_not_overlap(cases, name):
+    for drawn in cases(name).drawn.values():
+        figure, legends = drawn.figure, drawn.figure.legends
+        texts = [text for part in (*legends, *figure.axes) for text in part.findobj(Text)]
+        ticks = {
+            t
+            for axes in figure.axes
+            for axis in (axes.xaxis, axes.yaxis)
+            for t in axis.findobj(Text)
+        }
+        shown = [text for text in texts if text not in ticks and text.get_text().strip()]
+        for axes in figure.axes:
+            shown += [axes.xaxis.label, axes.yaxis.label]
+            for end, labels in enumerate(tick_labels(axes)):
+                shown += labels
+                boxes = sorted(
+                    t.get_window_extent().extents[[end, end + 2]].tolist() for t in labels
+                )
+                assert all(a[1] <= b[0] for a, b in pairwise(boxes)), (drawn.name, labels)
+            for legend in legends:
+                assert legend.get_window_extent().y1 <= axes.get_window_extent().y0, drawn.name
+        for text in shown:
+            low_x, low_y, high_x, high_y = text.get_window_extent().extents
+            assert low_x > -EDGE_PX, (drawn.name, text)
+            assert low_y > -EDGE_PX, (drawn.name, text)
+            assert high_x < figure.bbox.width + EDGE_PX, (drawn.name, text)
+            assert high_y < figure.bbox.height + EDGE_PX, (drawn.name, text)
+
+
+def test_names_are_shown_as_they_are_and_not_as_mathematics(cases):
+    (axes,) = cases("names").drawn["rate-by-arm"].figure.axes
+    names = [text.get_text() for text in axes.get_yticklabels()]
+    assert names[:3] == ["$x^2", "_hidden", "a b <script>"]
+    assert names[3].replace("\n", "").startswith("w" * 40)
+    assert names[4].endswith("\N{HORIZONTAL ELLIPSIS}")
+
+
+def test_a_single_cell_has_its_survival_curve_and_nothing_else(cases):
+    case = cases("single")
+    assert list(case.drawn) == ["survival"]
+    assert "1 run per curve. 1 of 1 captured." in case.drawn["survival"].caption
+    assert legend_texts(case.drawn["survival"].figure) == []
+
+
+@pytest.mark.parametrize("name", ["one_seed", "none", "all"])
+def test_studies_without_spread_are_drawn_too(cases, name):
+    figures = cases(name).drawn
+    assert {"rate-by-loss", "time-by-loss", "survival", "age"} <= set(figures)
+    assert ("differences" in figures) == (name != "all")
+    for drawn in figures.values():
+        for axes in drawn.figure.axes:
+            assert np.isfinite((axes.get_xlim(), axes.get_ylim())).all()
+
+
+def test_no_captures_leave_all_free_and_no_time_beyond_the_limit(cases):
+    figures = cases("none").drawn
+    for axes in figures["survival"].figure.axes:
+        assert {float(y) for y in axes.lines[0].get_ydata()} == {100.0}
+    (axes,) = figures["time-by-loss"].figure.axes
+    assert axes.get_ylim()[0] == 0.0
+    assert [text.get_text() for text in axes.texts] == ["limit 30 s"]
+
+
+def test_captions_say_how_many_runs_and_which_intervals(cases):
+    figures = cases("lines").drawn
+    assert "12 runs per point; bars: 95 % Wilson intervals." in figures["rate-by-loss"].caption
+    assert "12 runs per curve" in figures["survival"].caption
+    assert "limit, 30 s" in figures["time-by-loss"].caption
+    assert "12 common seeds" in figures["differences"].caption
+    assert "number of comparisons, 5." in figures["differences"].caption
+    assert all(drawn.alt.endswith(".") for drawn in figures.values())
+
+
+def test_what_does_not_fit_is_left_out_evenly_and_the_caption_says_so(tmp_path):
+    many = {"name": "limit", "label": "limit", "unit": "ticks", "key": "ticks_max"}
+    many["range"] = {"first": 30, "last": 300, "count": 10}
+    plan = study_plan(axes=[many, DELAY], seeds=1)
+    shape = views.view(plan, plan.axes[1])
+    assert shape.places == (0, 2, 4, 5, 7, 9)
+    assert shape.left_out == (
+        "Shown are 6 of 10 levels of limit (30, 90, 150, 180, 240, 300 ticks)."
+    )
+    shape = views.view(plan)
+    assert len(shape.settings) == 6
+    assert shape.left_out.endswith("and 6 of 7 settings of mean delay.")
+
+
+@pytest.mark.parametrize(("count", "most"), [(1, 6), (6, 6), (7, 6), (13, 6), (100, 1), (9, 2)])
+def test_evenly_keeps_the_ends_and_the_spacing(count, most):
+    chosen = views.evenly(count, most)
+    assert len(chosen) == min(count, most)
+    assert chosen[0] == 0
+    assert chosen[-1] == count - 1 or most == 1
+    steps = np.diff(chosen)
+    assert steps.size == 0 or steps.max() - steps.min() <= 1
+
+
+def test_a_view_finds_the_cells_of_the_plan():
+    plan = study_plan(axes=[LOSS, ARMS, DELAY], compare="radio", seeds=1)
+    shape = views.view(plan, plan.axes[0])
+    assert shape.lines is plan.axes[1]
+    for setting in shape.settings:
+        for line in shape.places:
+            for place in range(5):
+                cell = shape.cell(setting, line, place)
+                assert plan.cells[cell] == (place, line, setting["delay"])
+
+
+def test_named_axes_are_drawn_along_if_nothing_else_shows_them():
+    def along(*axes):
+        return [axis.name for axis in drawn_along(study_plan(axes=axes, seeds=1))]
+
+    arms = [{"name": f"a{k}", "set": {}} for k in range(7)]
+    assert along(ARMS) == ["radio"]
+    assert along(ARMS, LOSS) == ["loss"]
+    assert along({"name": "many", "arms": arms}, LOSS) == ["loss", "many"]
+    assert along({**LOSS, "values": [0.5]}) == []
+
+
+def test_widely_spread_levels_have_a_log_scale():
+    axis = Axis(name="noise", key="k", values=(0.001, 0.01, 1.0))
+    values = chart_frames.scaled(axis)
+    assert chart_frames.is_log(values)
+    assert not chart_frames.is_log(np.array([0.0, 0.001, 1.0]))
+    left, right = (chart_frames.beside(values, k, 2) for k in (0, 1))
+    assert np.sqrt(left * right) == pytest.approx(values)
+
+
+REPEATED = """
+import sys
+from pathlib import Path
+from contextlib import closing
+from encircle.studies.charts import write_charts
+from encircle.studies.summary import summarise
+from helpers_studies import filled, study_plan
+out = Path(sys.argv[1])
+plan = study_plan(seeds=4)
+with closing(filled(plan, out)) as table:
+    write_charts(summarise(plan, table), out)
+"""
+
+
+def test_the_same_study_gives_the_same_files_in_every_process(tmp_path):
+    changed = {"PYTHONHASHSEED": "1", "PYTHONPATH": str(Path(__file__).parent)}
+    command = [sys.executable, "-W", "error", "-c", REPEATED, str(tmp_path / "there")]
+    subprocess.run(command, check=True, env=os.environ | changed)
+    plan = study_plan(seeds=4)
+    with closing(filled(plan, tmp_path / "here")) as table:
+        write_charts(summarise(plan, table), tmp_path / "here")
+    for name, kind in (("survival.png", b"\x89PNG"), ("survival.pdf", b"%PDF")):
+        here, there = (
+            (tmp_path / d / charts.FIGURES / name).read_bytes() for d in ("here", "there")
+        )
+        assert here == there
+        assert here.startswith(kind)
+        assert b"CreationDate" not in here
+        assert b"/Type3" not in here
+
+
+def test_files_are_written_for_every_figure(cases, tmp_path):
+    case = cases("all")
+    written = write_charts(case.summary, tmp_path)
+    assert [chart.path.stem for chart in written] == list(case.drawn)
+    for chart in written:
+        assert chart.path.stat().st_size > 5000
+        assert chart.path.with_suffix(".pdf").stat().st_size > 5000
+    assert [chart.wide for chart in written] == [False, False, False, True]
