@@ -1,15 +1,16 @@
-# make setup   one virtual environment, everything pinned
-# make hunt    set up, then four robot processes and a world hunt a target over Zenoh
-# make test    set up, then the tests
-# make check   style, types and import contracts
-# make bench   the speeds that the README quotes
+# make setup        one virtual environment, everything pinned
+# make hunt         set up, then four robot processes and a world hunt a target over Zenoh
+# make test         set up, then the tests
+# make containers   hunts in containers on a real engine; as root on Debian, installs what it needs
+# make check        style, types and import contracts
+# make bench        the speeds that the README quotes
 
 PYTHON ?= python3
 VENV := .venv
 BENCH_VENV := .venv-bench
 READY := $(VENV)/.ready
 
-.PHONY: setup hunt test check bench clean
+.PHONY: setup hunt test containers check bench clean
 
 setup: $(READY)
 
@@ -26,6 +27,9 @@ hunt: setup
 
 test: setup
 	$(VENV)/bin/python -m pytest
+
+containers: setup
+	ENCIRCLE_CONTAINERS=yes $(VENV)/bin/python -m pytest tests/containers --durations=0
 
 check: setup
 	$(VENV)/bin/ruff format --check .

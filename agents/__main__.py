@@ -1,34 +1,48 @@
 """``python -m agents ID --connect ENDPOINT --run RUN``: one robot, as a process."""
 
-import argparse
 import asyncio
 import sys
 from collections.abc import Sequence
 
 from agents.lean_start import postponed
-from protocol.keys import check_name
+from protocol.access import AccessError
+from protocol.options import Options, access, name_of, seconds
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, program: str = "python -m agents") -> int:
     """Parse the command line and run the robot; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m agents", description="Run one robot.")
-    parser.add_argument("id", help="the robot's id, as in r1")
-    parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="tcp/127.0.0.1:7447")
-    parser.add_argument("--run", required=True, help="name of the run to join")
-    parser.add_argument("--join-timeout", type=float, default=30.0, metavar="S")
-    parser.add_argument("--stay", action="store_true", help="join run after run of that name")
-    options = parser.parse_args(arguments)
-    try:
-        check_name("robot", options.id)
-        check_name("run", options.run)
-    except ValueError as error:
-        parser.error(str(error))
+    options = Options(program, "Run one robot.")
+    options.add(
+        "id",
+        "the robot's id, as in r1",
+        read=name_of("robot"),
+        variable="ENCIRCLE_ROBOT",
+        required=True,
+    )
+    options.add("--run", "name of the run to join", read=name_of("run"), required=True)
+    options.add_access()
+    options.add(
+        "--join-timeout",
+        "wait this long for router and world, in s",
+        read=seconds,
+        metavar="S",
+    )
+    options.add_flag("--stay", "join run after run of that name")
+    found = options.parse(arguments)
     # Imported late: a mistyped command need not wait for scipy.
     with postponed("scipy.stats", "scipy.ndimage"):
-        from agents.robot import run_robot
+        from agents.robot import JOIN_S_MAX, run_robot
+    from protocol.zenoh_link import warning
 
-    life = run_robot(options.id, options.run, options.connect, options.join_timeout, options.stay)
-    return asyncio.run(life)
+    join_s_max = found.join_timeout or JOIN_S_MAX
+    try:
+        where = access(found, join_s_max)
+        said = warning(where)
+    except AccessError as error:
+        options.error(str(error))
+    if said is not None:
+        print(f"robot {found.id}: {said}", file=sys.stderr, flush=True)
+    return asyncio.run(run_robot(found.id, found.run, where, join_s_max, found.stay))
 
 
 if __name__ == "__main__":

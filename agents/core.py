@@ -35,6 +35,8 @@ class RobotCore:
         self.role: brain.Role | None = None
         self.state: brain.BrainState | None = None
         self._tick = -1
+        self._answered: bytes | None = None
+        self._answer: list[tuple[str, bytes]] = []
         self._log = log
         self._pose_key = robot_key(run, robot, "pose")
         self._command_key = robot_key(run, robot, "command")
@@ -54,11 +56,14 @@ class RobotCore:
         if robot != self.robot:
             raise WrongSender(f"meant for {robot}")
         if channel == "observation":
-            action = self.decide(decode(Observation, payload, self.run))
-            said = (self._command_key, encode(action.command, self.run))
-            if action.pose is None:
-                return [said]
-            return [(self._pose_key, encode(action.pose, self.run)), said]
+            # Asked once more when the answer was lost on the way: nothing is decided anew.
+            if payload != self._answered:
+                action = self.decide(decode(Observation, payload, self.run))
+                self._answered = payload
+                self._answer = [(self._command_key, encode(action.command, self.run))]
+                if action.pose is not None:
+                    self._answer.insert(0, (self._pose_key, encode(action.pose, self.run)))
+            return self._answer
         if channel == "setup":
             self._set_up(decode(Setup, payload, self.run))
         elif channel == "end":

@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any
 
 from agents.core import RobotCore
+from protocol.access import Access
 from protocol.errors import LinkClosed
 from protocol.keys import robot_key, world_key
 from protocol.links import Link
@@ -59,7 +60,7 @@ class _Life:
 
 
 async def run_robot(
-    robot: str, run: str, endpoint: str, join_s_max: float = JOIN_S_MAX, stays: bool = False
+    robot: str, run: str, access: Access, join_s_max: float = JOIN_S_MAX, stays: bool = False
 ) -> int:
     """One robot's life in a run; returns the exit status: 0 if the run was completed.
 
@@ -67,9 +68,7 @@ async def run_robot(
     """
     log = bounded_log()
     try:
-        link = await asyncio.to_thread(
-            ZenohLink, endpoint, False, robot_key(run, robot, "*"), join_s_max
-        )
+        link = await asyncio.to_thread(ZenohLink, access, robot_key(run, robot, "*"))
     except LinkError as error:
         log(f"robot {robot}: {error}")
         return 1
@@ -90,7 +89,7 @@ async def run_robot(
     link.watch(world_key(run, "alive"), world_changed)
     link.announce(robot_key(run, robot, "alive"))
     rounds = asyncio.create_task(asyncio.to_thread(life.answer, link))
-    joining = loop.call_later(join_s_max, _give_up_joining, life, stop, run, endpoint, join_s_max)
+    joining = loop.call_later(join_s_max, _give_up_joining, life, stop, run, access, join_s_max)
     try:
         await _first_of(rounds, trouble)
     finally:
@@ -111,7 +110,7 @@ async def _first_of(*futures: "asyncio.Future[Any]") -> None:
 
 
 def _give_up_joining(
-    life: _Life, stop: Callable[[str], None], run: str, endpoint: str, join_s: float
+    life: _Life, stop: Callable[[str], None], run: str, access: Access, join_s: float
 ) -> None:
     if life.core.role is None and not life.completed:
-        stop(f"no world took this robot into run {run} at {endpoint} within {join_s:g} s")
+        stop(f"no world took this robot into run {run} at {access} within {join_s:g} s")

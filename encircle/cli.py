@@ -20,6 +20,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True}
+"""For commands that are programs of their own: their arguments are read there, and only there."""
+
 SetOption = Annotated[
     list[str], typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario.")
 ]
@@ -211,35 +214,36 @@ def study_command(
         raise typer.Exit(1) from None
 
 
-@app.command("robot")
-def robot_command(
-    robot: Annotated[str, typer.Argument(metavar="ID", help="The robot's id, as in r1.")],
-    connect: Annotated[str, typer.Option(help="Endpoint of the world: tcp/127.0.0.1:7447.")],
-    run: Annotated[str, typer.Option(help="Name of the run to join.")],
-) -> None:
+@app.command("robot", context_settings=PASSED_ON, add_help_option=False)
+def robot_command(context: typer.Context) -> None:
     """Run one robot as this process."""
     from agents.__main__ import main as robot_main
 
-    raise typer.Exit(robot_main([robot, "--connect", connect, "--run", run]))
+    raise typer.Exit(robot_main(context.args, "encircle robot"))
 
 
-@app.command("world")
-def world_command(
-    scenario: Annotated[str, typer.Argument(help="A shipped scenario's name or a TOML file.")],
-    listen: Annotated[str, typer.Option(help="Endpoint to listen on: tcp/127.0.0.1:7447.")],
-    run: Annotated[str, typer.Option(help="Name of the run.")],
-    seed: Annotated[int | None, typer.Option(help="Instead of the scenario's own.")] = None,
-    changes: SetOption = [],  # noqa: B006
-    out: Annotated[Path | None, typer.Option(help="Directory to record to, new or empty.")] = None,
-) -> None:
+@app.command("world", context_settings=PASSED_ON, add_help_option=False)
+def world_command(context: typer.Context) -> None:
     """Run the world as this process and wait for its robots."""
     from world.__main__ import main as world_main
 
-    arguments = [scenario, "--listen", listen, "--run", run]
-    arguments += [part for change in changes for part in ("--set", change)]
-    arguments += ["--seed", str(seed)] if seed is not None else []
-    arguments += ["--out", str(out)] if out is not None else []
-    raise typer.Exit(world_main(arguments))
+    raise typer.Exit(world_main(context.args, "encircle world"))
+
+
+@app.command("router", context_settings=PASSED_ON, add_help_option=False)
+def router_command(context: typer.Context) -> None:
+    """Route between world and robots on many hosts."""
+    from protocol.router import main as router_main
+
+    raise typer.Exit(router_main(context.args, "encircle router"))
+
+
+@app.command("alive", context_settings=PASSED_ON, add_help_option=False)
+def alive_command(context: typer.Context) -> None:
+    """Say whether a router, the world or a robot of a run is there."""
+    from protocol.alive import main as alive_main
+
+    raise typer.Exit(alive_main(context.args, "encircle alive"))
 
 
 if __name__ == "__main__":

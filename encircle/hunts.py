@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from protocol.log import bounded_log
 from world.result import Result
-from world.run_directory import RECORDING, create, start_recording, write_summary
+from world.run_directory import RECORDING, create, new_directory, start_recording, write_summary
 from world.scenario import Scenario, load
 
 if TYPE_CHECKING:
@@ -160,12 +160,7 @@ def recording_of(path: str | Path) -> Path:
 
 def default_directory(scenario_name: str, seed: int) -> Path:
     """A new directory under ``runs/`` for a hunt that was not told where to record."""
-    stem = f"{Path(scenario_name).stem}-seed{seed}"
-    for number in range(1, 100_000):
-        path = Path("runs") / f"{stem}-{number}"
-        if not path.exists():
-            return path
-    raise FileExistsError(f"runs/{stem}-*: too many runs, name one with --out")
+    return new_directory(Path("runs"), scenario_name, seed)
 
 
 def read_metadata(metadata: Mapping[str, str]) -> tuple[Scenario, int, str]:

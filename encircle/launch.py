@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from protocol.options import without_settings
 from world.result import Result
 from world.scenario import ScenarioError
 
@@ -97,7 +98,7 @@ class _Launch:
             stdout=pipe if name == "world" else none,
             stderr=pipe,
             limit=OUTPUT_LINE_BYTES_MAX,
-            env=os.environ | ONE_THREAD,
+            env=without_settings(os.environ) | ONE_THREAD,
             # Ctrl-C in a terminal reaches the launcher alone, which then ends the run in order.
             start_new_session=True,
         )

@@ -7,45 +7,57 @@ express and blocking on congestion, so that nothing is dropped silently. Livelin
 a callback on one of Zenoh's threads, which only hands it over.
 """
 
+import contextlib
 import json
+import queue
+import re
 import threading
-from collections.abc import Callable, Iterable
-from typing import Any
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import zenoh
 
+from protocol.access import Access, AccessError, LinkError, reachable_from_elsewhere
 from protocol.errors import LinkClosed
+
+__all__ = [
+    "LinkError",
+    "ZenohLink",
+    "configuration",
+    "has_neighbours",
+    "is_alive",
+    "open_session",
+    "subscribe_alive",
+    "warning",
+]
 
 INBOX_MAX = 4096
 CONNECT_RETRY_MS = 20
 CONNECT_RETRY_MS_MAX = 200
-
-
-class LinkError(Exception):
-    """The link cannot be opened; the message says where and why."""
+ERROR_CHARACTERS_MAX = 300
+ROUTER_S_MAX = 10.0
+"""How long a router may be away, in s, before those that were reached through it count as gone."""
+SETTLE_S = 0.2
+"""How long after a token a connection may be seen to go, if one router took both with it."""
+PATIENCE_STEP_S = 0.1
+_SOURCE_LINE = re.compile(r" at /\S+\.rs:\d+\.")
 
 
 class ZenohLink:
     """A ``protocol.links.Link`` over one Zenoh session.
 
-    ``listens``: whether this end waits at ``endpoint`` or connects to it. ``takes``: key expression
-    of the messages to receive; what this session sends itself never comes back.
+    ``takes``: key expression of the messages to receive; what this session sends itself never
+    comes back. Raises ``LinkError``.
     """
 
-    def __init__(
-        self, endpoint: str, listens: bool, takes: str, connect_s_max: float = 30.0
-    ) -> None:
-        zenoh.init_log_from_env_or("off")
-        try:
-            self._session = zenoh.open(_config(endpoint, listens, connect_s_max))
-        except zenoh.ZError as error:
-            doing = "listen on" if listens else "connect to"
-            raise LinkError(f"cannot {doing} {endpoint}: {_first_line(error)}") from None
-        self.endpoint = endpoint
+    def __init__(self, access: Access, takes: str) -> None:
+        self._session = open_session(access)
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._tokens: list[zenoh.LivelinessToken] = []
         self._watchers: list[Any] = []
         self._closing = threading.Lock()
+        self._closed = threading.Event()
         self._inbox = self._session.declare_subscriber(
             takes, zenoh.handlers.FifoChannel(INBOX_MAX), allowed_origin=zenoh.Locality.REMOTE
         )
@@ -80,17 +92,14 @@ class ZenohLink:
         self._tokens.append(self._session.liveliness().declare_token(key))
 
     def watch(self, expression: str, tell: Callable[[str, bool], None]) -> None:
-        """Call ``tell(key, alive)`` for tokens that are there, come or go, from another thread."""
+        """Call ``tell(key, alive)`` for tokens that are there, come or go, from another thread.
 
-        def handed_over(sample: zenoh.Sample) -> None:
-            tell(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
-
-        # Called on Zenoh's own thread. The default is a Python thread per subscriber, which may
-        # outlive the session and then keeps the process from ending.
-        callback = zenoh.handlers.Callback(handed_over, indirect=False)
-        self._watchers.append(
-            self._session.liveliness().declare_subscriber(expression, callback, history=True)
-        )
+        A router that goes takes all tokens with it: then those alone are told of that are not back
+        ``ROUTER_S_MAX`` later.
+        """
+        if self._session.info.routers_zid():
+            tell = _Patience(self._session, tell, self._closed).tell
+        self._watchers.append(subscribe_alive(self._session, expression, tell))
 
     def close(self) -> None:
         """Close the session and wake whoever waits in ``receive``; may be called twice.
@@ -98,33 +107,199 @@ class ZenohLink:
         What was sent before is flushed.
         """
         with self._closing:
+            self._closed.set()
             if not self._session.is_closed():
                 self._session.close()  # type: ignore[no-untyped-call]
 
 
-def _config(endpoint: str, listens: bool, connect_s_max: float) -> zenoh.Config:
-    """Explicit endpoints only: nothing is scouted for, nothing listens that was not asked to."""
-    config = zenoh.Config()
+class _Patience:
+    """Tells of tokens, but not of those that a restarted router brings back.
+
+    A client sees every token go when its router does, its own included. So it waits a moment, and
+    if its router is not the one it had, it waits for those that were reached through it.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, tell: Callable[[str, bool], None], closed: threading.Event
+    ) -> None:
+        self._session = session
+        self._tell = tell
+        self._closed = closed
+        self._changes: queue.SimpleQueue[tuple[str, bool]] = queue.SimpleQueue()
+        self._missing: dict[str, _Missing] = {}
+        self._routers = self._connected()
+        threading.Thread(target=self._run, name="patience", daemon=True).start()
+
+    def tell(self, key: str, alive: bool) -> None:
+        """Take a change in, on Zenoh's own thread, from which no Zenoh call may be made."""
+        self._changes.put((key, alive))
+
+    def _connected(self) -> frozenset[str]:
+        with contextlib.suppress(zenoh.ZError):  # the session was closed meanwhile
+            return frozenset(map(str, self._session.info.routers_zid()))
+        return frozenset()
+
+    def _run(self) -> None:
+        while not self._closed.is_set():
+            with contextlib.suppress(queue.Empty):
+                self._change(*self._changes.get(timeout=PATIENCE_STEP_S))
+            self._look(time.monotonic())
+
+    def _change(self, key: str, alive: bool) -> None:
+        if not alive:
+            self._missing[key] = _Missing(time.monotonic() + SETTLE_S, decided=False)
+        elif self._missing.pop(key, None) is None:
+            self._tell(key, True)
+        elif not self._missing:
+            self._routers = self._connected()
+
+    def _look(self, now_s: float) -> None:
+        """Decide about what has been missing for long enough."""
+        for key, (until_s, decided) in list(self._missing.items()):
+            if now_s < until_s or self._session.is_closed():
+                continue
+            if decided or self._routers & self._connected():
+                del self._missing[key]
+                self._tell(key, False)
+            else:
+                self._missing[key] = _Missing(now_s + ROUTER_S_MAX, decided=True)
+
+
+class _Missing(NamedTuple):
+    """A token that has gone; ``decided``: it is gone for good if it is not back until then."""
+
+    until_s: float
+    decided: bool
+
+
+def subscribe_alive(
+    session: zenoh.Session, expression: str, tell: Callable[[str, bool], None]
+) -> Any:
+    """Have ``tell(key, alive)`` called on Zenoh's own thread for tokens that are there, come or go.
+
+    What is returned is to be kept as long as it is to go on.
+    """
+
+    def handed_over(sample: zenoh.Sample) -> None:
+        tell(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+    # The default is a Python thread per subscriber, which may outlive the session and then keeps
+    # the process from ending.
+    callback = zenoh.handlers.Callback(handed_over, indirect=False)
+    return session.liveliness().declare_subscriber(expression, callback, history=True)
+
+
+def is_alive(session: zenoh.Session, key: str, s_max: float) -> bool:
+    """Whether a token is there, as far as can be learned within ``s_max`` seconds."""
+    replies = session.liveliness().get(key, timeout=s_max)
+    return any(reply.ok is not None for reply in replies)
+
+
+def has_neighbours(session: zenoh.Session) -> bool:
+    """Whether the session is connected to a router or a peer."""
+    return bool(session.info.routers_zid() or session.info.peers_zid())
+
+
+def open_session(access: Access) -> zenoh.Session:
+    """A session that has bound and connected as asked; ``LinkError`` says where it could not."""
+    zenoh.init_log_from_env_or("off")
+    config = configuration(access)
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        reason = _in_one_line(error)
+        connecting = "connect to" in reason
+        doing = "connect to" if connecting else "listen on"
+        where = ", ".join(access.connect if connecting else access.listen) or access
+        raise LinkError(f"cannot {doing} {where}: {reason}") from None
+
+
+def configuration(access: Access) -> zenoh.Config:
+    """Zenoh's configuration for it; raises ``AccessError``.
+
+    Explicit endpoints only, unless a configuration file says otherwise: nothing is scouted for,
+    nothing listens that was not asked to.
+    """
+    config = _from_file(access)
+    if access.mode is not None:
+        _insert(config, "mode", access.mode)
+    _insert_if_open(config, "mode", "peer" if access.listen else "client")
+    default = zenoh.Config().get_json("listen/endpoints")
+    if access.listen or config.get_json("listen/endpoints") == default:
+        _insert(config, "listen/endpoints", access.listen)
+    if access.connect:
+        _insert(config, "connect/endpoints", access.connect)
     retry = {
         "period_init_ms": CONNECT_RETRY_MS,
         "period_max_ms": CONNECT_RETRY_MS_MAX,
         "period_increase_factor": 2,
     }
-    settings: Iterable[tuple[str, object]] = (
-        ("mode", "peer" if listens else "client"),
-        ("scouting/multicast/enabled", False),
-        ("scouting/gossip/enabled", False),
-        ("transport/shared_memory/enabled", False),
-        ("listen/endpoints", [endpoint] if listens else []),
-        ("connect/endpoints", [] if listens else [endpoint]),
-        ("connect/timeout_ms", int(connect_s_max * 1000)),
-        ("connect/exit_on_failure", True),
-        ("connect/retry", retry),
-    )
-    for name, value in settings:
-        config.insert_json5(name, json.dumps(value))
+    _insert_if_open(config, "connect/timeout_ms", int(access.connect_s_max * 1000))
+    _insert_if_open(config, "connect/exit_on_failure", True)
+    _insert_if_open(config, "connect/retry", retry)
+    _insert_if_open(config, "scouting/multicast/enabled", False)
+    _insert_if_open(config, "scouting/gossip/enabled", False)
+    if access.config is None:
+        _insert(config, "transport/shared_memory/enabled", False)
+    exposed = _exposed(config)
+    if exposed and not access.without_authentication:
+        raise AccessError(
+            f"listen = {exposed[0]}: other machines may reach it, and nothing tells who connects;"
+            " listen on 127.0.0.1, or configure authentication, or say --without-authentication"
+        )
     return config
 
 
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
+def warning(access: Access) -> str | None:
+    """What is to be said of listening as asked, if anything; raises ``AccessError``."""
+    exposed = _exposed(configuration(access))
+    if not exposed:
+        return None
+    return (
+        f"listening on {', '.join(exposed)} without authentication: whoever can connect is let in"
+    )
+
+
+def _from_file(access: Access) -> zenoh.Config:
+    if access.config is None:
+        return zenoh.Config()
+    try:
+        # Opened here first: a reason in plain words.
+        access.config.open("rb").close()
+        return zenoh.Config.from_file(str(access.config))
+    except OSError as error:
+        raise AccessError(f"Zenoh configuration {access.config}: {error.strerror}") from None
+    except zenoh.ZError as error:
+        raise AccessError(f"Zenoh configuration {access.config}: {_in_one_line(error)}") from None
+
+
+def _exposed(config: zenoh.Config) -> tuple[str, ...]:
+    """The listening endpoints that others may reach, and nothing says who they are."""
+    mode = json.loads(config.get_json("mode"))
+    listening = json.loads(config.get_json("listen/endpoints"))
+    if isinstance(listening, dict):
+        listening = listening.get(mode, [])
+    if json.loads(config.get_json("transport/auth/usrpwd/dictionary_file")) is not None:
+        return ()
+    certified = json.loads(config.get_json("transport/link/tls/enable_mtls")) is True
+    return tuple(
+        endpoint
+        for endpoint in reachable_from_elsewhere(listening)
+        if not (certified and endpoint.startswith(("tls/", "quic/")))
+    )
+
+
+def _insert(config: zenoh.Config, name: str, value: object) -> None:
+    config.insert_json5(name, json.dumps(value))
+
+
+def _insert_if_open(config: zenoh.Config, name: str, value: object) -> None:
+    """What a configuration file left open; there Zenoh's own default is null."""
+    if config.get_json(name) == "null":
+        _insert(config, name, value)
+
+
+def _in_one_line(error: BaseException) -> str:
+    """The error without the places in Zenoh's source where it passed."""
+    text = " ".join(_SOURCE_LINE.sub("", str(error)).split())
+    return text[:ERROR_CHARACTERS_MAX] or type(error).__name__

@@ -68,8 +68,21 @@ def test_an_observation_before_setup_is_out_of_turn():
 def test_only_the_next_tick_is_answered(tick):
     robot = Robot()
     robot.answer(observation(tick=0))
-    robot.refuses("observation", encode(observation(tick=tick), RUN), "out-of-turn")
+    other = observation(tick=tick, position=(9.0, 9.0))
+    robot.refuses("observation", encode(other, RUN), "out-of-turn")
     assert robot.answer(observation(tick=1))[1].refused == {"out-of-turn": 1}
+
+
+def test_the_same_observation_again_is_answered_again_and_decides_nothing_anew():
+    """The world asks again when an answer may have been lost on the way."""
+    robot, once = Robot().core, Robot().core
+    for tick in range(3):
+        asked = encode(observation(tick=tick), RUN)
+        first = robot.receive(key("observation"), asked)
+        assert robot.receive(key("observation"), asked) == first
+        assert once.receive(key("observation"), asked) == first
+        assert len(first) == 2
+    assert not robot.refused
 
 
 def test_a_second_setup_is_out_of_turn_and_changes_nothing():

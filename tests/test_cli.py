@@ -88,6 +88,14 @@ def test_replay_check_passes_on_an_honest_recording(tmp_path):
         (["run", "sim1", "--out", "full"], "full is not empty"),
         (["replay", "absent"], "absent cannot be read"),
         (["world", "sim1", "--listen", "tcp/127.0.0.1:1", "--run", "a/b"], "not a valid name"),
+        (["world", "sim1", "--listen", "here", "--run", "a"], "'here': must be PROTOCOL/HOST:PORT"),
+        (["world", "sim1", "--run", "a"], "neither an endpoint to listen on"),
+        (["world", "sim1", "--listen", "tcp/0.0.0.0:1", "--run", "a"], "--without-authentication"),
+        (["world", "sim1", "--out", "a", "--runs", "b", "--run", "a"], "give one of them"),
+        (["robot", "r1", "--connect", "tcp/127.0.0.1:1"], "--run is missing"),
+        (["robot", "--run", "a", "--connect", "tcp/127.0.0.1:1"], "set ENCIRCLE_ROBOT"),
+        (["router"], "neither an endpoint to listen on"),
+        (["alive", "weather"], "'weather' is not one of router, world, robot"),
         (["fly"], "fly"),
     ],
 )
@@ -100,6 +108,23 @@ def test_bad_usage_is_status_2_and_names_the_thing(tmp_path, arguments, said):
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
     assert (tmp_path / "full" / "precious").read_text() == "keep me"
+
+
+@pytest.mark.parametrize("name", ["robot", "world", "router", "alive"])
+def test_commands_that_are_programs_of_their_own_explain_themselves(tmp_path, name):
+    done = command(tmp_path, name, "--help")
+    assert done.returncode == 0
+    assert done.stdout.startswith(f"usage: encircle {name} ")
+    assert "[ENCIRCLE_CONNECT]" in done.stdout
+
+
+def test_settings_for_single_parties_do_not_reach_a_run_of_all(tmp_path, monkeypatch):
+    """As in a container, where the environment says where a robot is to connect."""
+    expected = encircle.run("sim1", link="memory").digest
+    monkeypatch.setenv("ENCIRCLE_CONNECT", "tcp/127.0.0.1:1")
+    monkeypatch.setenv("ENCIRCLE_SET", "target.step_m_max=0.1")
+    done = command(tmp_path, "run", "sim1", "--json")
+    assert json.loads(done.stdout)["digest"] == expected
 
 
 def test_all_errors_of_a_scenario_are_shown_at_once(tmp_path):

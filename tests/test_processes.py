@@ -16,6 +16,7 @@ import pytest
 import encircle
 from encircle.launch import free_endpoint
 from encircle.replaying import read_recording, replay
+from protocol.access import Access
 from protocol.codec import encode
 from protocol.keys import robot_key
 from protocol.messages import Command, End, Pose
@@ -220,7 +221,7 @@ def test_what_strangers_send_is_refused_counted_and_changes_nothing():
     )
     robots = []
     try:
-        stranger = ZenohLink(endpoint, False, robot_key("noisy", "nobody", "*"))
+        stranger = ZenohLink(Access(connect=(endpoint,)), robot_key("noisy", "nobody", "*"))
         stop = threading.Event()
         flood = threading.Thread(target=send_garbage, args=(stranger, stop))
         flood.start()
@@ -308,7 +309,7 @@ def test_a_world_whose_robots_stay_away_names_them():
 
 def test_a_port_in_use_is_one_clear_line(tmp_path):
     endpoint = free_endpoint()
-    with_port = ZenohLink(endpoint, True, "x/*")
+    with_port = ZenohLink(Access(listen=(endpoint,)), "x/*")
     try:
         done = subprocess.run(
             [sys.executable, "-m", "world", "sim1", "--listen", endpoint, "--run", "late"],

@@ -218,6 +218,25 @@ def test_a_round_ends_with_the_last_answer_and_opens_the_next_for_everyone():
     assert core.ended == core.result().ended == "ticks"
 
 
+def test_only_those_whose_answers_are_missing_are_asked_again_for_the_same_tick():
+    core = WorldCore(arena(), RUN)
+    for robot in core.arena.ids:
+        core.join(robot)
+    asked = dict(core.begin())
+    assert dict(core.unanswered()) == asked
+    said = answers(core)
+    half = [(k, payload) for k, payload in said if k != key("r2", "command")]
+    for k, payload in half:
+        assert core.receive(k, payload) == []
+    again = key("r2", "observation")
+    assert core.unanswered() == [(again, asked[again])]
+    # Its answer comes twice now: what had come before is refused, and the round is the same.
+    core.receive(key("r2", "pose"), dict(said)[key("r2", "pose")])
+    following = core.receive(key("r2", "command"), dict(said)[key("r2", "command")])
+    assert core.refused == {"out-of-turn": 1}
+    assert core.unanswered() == following != []
+
+
 def test_a_capture_ends_the_run_at_its_tick():
     near = {"positions": [[1.5, 0.0], [-0.8, 1.2], [-0.8, -1.2]]}
     core = begun(WorldCore(arena(team=near), RUN))

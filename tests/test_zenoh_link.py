@@ -1,5 +1,6 @@
 """Zenoh links over real sessions on the loopback interface, on ports the system chooses."""
 
+import json
 import queue
 import socket
 import threading
@@ -9,8 +10,9 @@ from contextlib import ExitStack
 
 import pytest
 
+from protocol.access import Access, AccessError
 from protocol.errors import LinkClosed
-from protocol.zenoh_link import LinkError, ZenohLink
+from protocol.zenoh_link import LinkError, ZenohLink, configuration, warning
 
 WAIT_S_MAX = 15.0
 RETRY_S = 0.02
@@ -35,12 +37,21 @@ def pair(endpoint, closing):
     """A link that listens and one that connected to it, known to reach each other."""
     links = []
     for listens in (True, False):
-        link = ZenohLink(endpoint, listens, "t/**", WAIT_S_MAX)
+        access = listening(endpoint) if listens else connecting_to(endpoint)
+        link = ZenohLink(access, "t/**")
         closing.callback(link.close)
         links.append(link)
     for sender, receiver in (links, links[::-1]):
         until_heard(sender, receiver)
     return links
+
+
+def listening(endpoint):
+    return Access(listen=(endpoint,))
+
+
+def connecting_to(endpoint, s_max=WAIT_S_MAX):
+    return Access(connect=(endpoint,), connect_s_max=s_max)
 
 
 def in_thread(function, *arguments):
@@ -163,7 +174,7 @@ def test_a_link_whose_other_end_is_gone_waits_on(pair):
 
 def test_connecting_where_nobody_listens_fails_and_names_the_endpoint(endpoint):
     with pytest.raises(LinkError, match=f"cannot connect to {endpoint}: .+"):
-        ZenohLink(endpoint, False, "t/**", connect_s_max=0.5)
+        ZenohLink(connecting_to(endpoint, 0.5), "t/**")
 
 
 def test_listening_where_somebody_else_does_fails_and_names_the_endpoint(closing):
@@ -171,20 +182,162 @@ def test_listening_where_somebody_else_does_fails_and_names_the_endpoint(closing
     taken.bind(("127.0.0.1", 0))
     taken.listen()
     endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-    with pytest.raises(LinkError, match=f"cannot listen on {endpoint}: .+"):
-        ZenohLink(endpoint, True, "t/**")
+    with pytest.raises(LinkError) as refused:
+        ZenohLink(listening(endpoint), "t/**")
+    said = str(refused.value)
+    assert said.startswith(f"cannot listen on {endpoint}: ")
+    assert "Address already in use" in said
+    assert "\n" not in said
+    assert ".rs:" not in said
 
 
-@pytest.mark.parametrize("endpoint", ["nonsense", "tcp/", ""])
-def test_an_endpoint_that_is_none_is_a_link_error(endpoint):
-    with pytest.raises(LinkError):
-        ZenohLink(endpoint, False, "t/**", connect_s_max=0.5)
+def test_of_several_endpoints_the_one_that_fails_is_named(endpoint):
+    """A mesh: it listens well enough, but one of its peers is not there."""
+    there = endpoint.rpartition(":")[0] + ":0"
+    absent = Access(listen=(there,), connect=(endpoint,), connect_s_max=0.5)
+    with pytest.raises(LinkError, match=f"cannot connect to {endpoint}: "):
+        ZenohLink(absent, "t/**")
 
 
 def test_connecting_waits_for_a_listener_that_comes_a_little_later(endpoint, closing):
-    connecting = in_thread(ZenohLink, endpoint, False, "t/**", WAIT_S_MAX)
-    listener = ZenohLink(endpoint, True, "t/**")
+    connecting = in_thread(ZenohLink, connecting_to(endpoint), "t/**")
+    listener = ZenohLink(listening(endpoint), "t/**")
     closing.callback(listener.close)
     connected = connecting.result(timeout=WAIT_S_MAX)
     closing.callback(connected.close)
     until_heard(connected, listener)
+
+
+def test_peers_that_know_each_other_form_a_mesh_whichever_comes_first(closing):
+    endpoints = [f"tcp/127.0.0.1:{port}" for port in free_ports(3)]
+    opening = []
+    for k, own in enumerate(endpoints):
+        others = tuple(endpoint for endpoint in endpoints if endpoint != own)
+        access = Access((own,), others, connect_s_max=WAIT_S_MAX)
+        opening.append(in_thread(ZenohLink, access, f"t/{k}/*"))
+    links = [future.result(timeout=WAIT_S_MAX) for future in opening]
+    for link in links:
+        closing.callback(link.close)
+    heard = [set() for _ in links]
+    waiting = [
+        in_thread(hear_from_two, link, keys) for link, keys in zip(links, heard, strict=True)
+    ]
+    for _ in range(int(WAIT_S_MAX / RETRY_S)):
+        for k, link in enumerate(links):
+            for j in range(len(links)):
+                link.send(f"t/{j}/{k}", b"")
+        if all(future.done() for future in waiting):
+            break
+        time.sleep(RETRY_S)
+    assert heard == [{"t/0/1", "t/0/2"}, {"t/1/0", "t/1/2"}, {"t/2/0", "t/2/1"}]
+
+
+def hear_from_two(link, keys):
+    while len(keys) < 2:
+        keys.add(link.receive()[0])
+
+
+def free_ports(count):
+    with ExitStack() as stack:
+        probes = [stack.enter_context(socket.socket()) for _ in range(count)]
+        for probe in probes:
+            probe.bind(("127.0.0.1", 0))
+        return [probe.getsockname()[1] for probe in probes]
+
+
+def test_an_endpoint_of_a_configuration_file_that_fails_is_named_with_the_file(endpoint, tmp_path):
+    path = written(tmp_path / "own.json5", f'{{ connect: {{ endpoints: ["{endpoint}"] }} }}')
+    with pytest.raises(LinkError, match=r"cannot connect to \S+own\.json5: .+") as refused:
+        ZenohLink(Access(config=path, connect_s_max=0.5), "t/**")
+    assert endpoint in str(refused.value)
+
+
+WIDE = ("tcp/0.0.0.0:0", "tcp/[::]:0", "tls/0.0.0.0:0", "tcp/example.invalid:1")
+
+
+@pytest.mark.parametrize("endpoint", WIDE)
+def test_listening_beyond_this_machine_must_be_asked_for_by_name(endpoint):
+    with pytest.raises(AccessError, match="--without-authentication") as refused:
+        configuration(Access(listen=("tcp/127.0.0.1:0", endpoint)))
+    assert str(refused.value).startswith(f"listen = {endpoint}: ")
+    asked = Access(listen=(endpoint,), without_authentication=True)
+    assert warning(asked) == (
+        f"listening on {endpoint} without authentication: whoever can connect is let in"
+    )
+
+
+def test_listening_on_loopback_needs_no_asking_and_no_warning():
+    for endpoint in ("tcp/127.0.0.1:0", "tcp/127.1.2.3:9", "tcp/[::1]:0", "tcp/localhost:0"):
+        assert warning(Access(listen=(endpoint,))) is None
+
+
+def written(path, text):
+    path.write_text(text)
+    return path
+
+
+def test_a_listener_that_authenticates_needs_no_asking(tmp_path):
+    secret = '{ transport: { auth: { usrpwd: { dictionary_file: "users.txt" } } } }'
+    by_password = written(tmp_path / "password.json5", secret)
+    assert warning(Access(listen=("tcp/0.0.0.0:0",), config=by_password)) is None
+    certified = written(
+        tmp_path / "tls.json5", "{ transport: { link: { tls: { enable_mtls: true } } } }"
+    )
+    assert warning(Access(listen=("tls/0.0.0.0:0",), config=certified)) is None
+    # Certificates say nothing of who connects by plain TCP.
+    with pytest.raises(AccessError, match=r"listen = tcp/0\.0\.0\.0:0: "):
+        warning(Access(listen=("tls/0.0.0.0:0", "tcp/0.0.0.0:0"), config=certified))
+
+
+def setting(config, name):
+    return json.loads(config.get_json(name))
+
+
+def test_nothing_is_scouted_for_and_nothing_listens_that_was_not_asked_to():
+    client = configuration(Access(connect=("tcp/127.0.0.1:1",)))
+    assert setting(client, "mode") == "client"
+    assert setting(client, "listen/endpoints") == []
+    peer = configuration(Access(listen=("tcp/127.0.0.1:1",)))
+    assert setting(peer, "mode") == "peer"
+    assert setting(peer, "connect/endpoints") == []
+    for config in (client, peer):
+        assert setting(config, "scouting/multicast/enabled") is False
+        assert setting(config, "scouting/gossip/enabled") is False
+
+
+def test_a_configuration_file_says_what_the_options_leave_open(tmp_path):
+    path = written(
+        tmp_path / "own.json5",
+        """{ mode: "peer",  // as Zenoh's own files are written
+             connect: { endpoints: ["tcp/10.0.0.1:7447"], timeout_ms: 77 },
+             scouting: { multicast: { enabled: true } } }""",
+    )
+    config = configuration(Access(config=path))
+    assert setting(config, "mode") == "peer"
+    assert setting(config, "connect/endpoints") == ["tcp/10.0.0.1:7447"]
+    assert setting(config, "connect/timeout_ms") == 77
+    assert setting(config, "scouting/multicast/enabled") is True
+    assert setting(config, "scouting/gossip/enabled") is False
+    assert setting(config, "listen/endpoints") == []
+    over = Access(connect=("tcp/127.0.0.1:1",), mode="client", config=path)
+    config = configuration(over)
+    assert setting(config, "mode") == "client"
+    assert setting(config, "connect/endpoints") == ["tcp/127.0.0.1:1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "No such file"),
+        ('{ mode: "peer"', "expected"),
+        ('{ mood: "peer" }', "mood"),
+        ('{ listen: { endpoints: ["tcp/0.0.0.0:7447"] }, mode: "peer" }', "0.0.0.0:7447"),
+    ],
+)
+def test_a_configuration_file_that_cannot_be_used_is_one_line(tmp_path, text, said):
+    path = tmp_path / "bad.json5"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(AccessError, match=said) as refused:
+        configuration(Access(config=path))
+    assert "\n" not in str(refused.value)

@@ -73,6 +73,7 @@ class WorldCore:
         self._unsettled: list[tuple[int, list[bytes], Outgoing]] = []
         self._digest = hashlib.blake2b(digest_size=16)
         self._encoded: Outgoing = []
+        self._asked: Outgoing = []
         self.fates: radio.Fates | None = None
         self._packets_sent = 0
         self._packets_copied = 0
@@ -116,6 +117,11 @@ class WorldCore:
         if self.ended is not None or not self.table.complete:
             return []
         return self._sent(self.ask())
+
+    def unanswered(self) -> Outgoing:
+        """The observations whose answers are still to come, to be sent again: both may be lost."""
+        waiting = {robot_key(self.run, robot, "observation") for robot in self.table.waiting()}
+        return [said for said in self._asked if said[0] in waiting]
 
     def refuse(self, key: str, error: ProtocolError) -> None:
         """Count and log something that was refused."""
@@ -245,7 +251,10 @@ class WorldCore:
         """What to send for a round: its observations, or the end of the run."""
         if self.ended is not None:
             return self._end_messages()
-        return self._encoded or [self._encode(o.robot, "observation", o) for o in observations]
+        self._asked = self._encoded or [
+            self._encode(o.robot, "observation", o) for o in observations
+        ]
+        return self._asked
 
     def _keep(self, messages: Outgoing) -> None:
         """Note the truth at a tick, and the messages sent at it, for ``settle``."""

@@ -15,6 +15,7 @@ from world.scenario import Scenario
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
+RUNS_MAX = 100_000
 PACKAGES = ("encircle", "eclipse-zenoh", "msgpack", "numpy", "scipy", "filterpy", "mcap")
 
 
@@ -26,6 +27,16 @@ def versions() -> dict[str, str]:
     """Versions of everything that has a part in a run's numbers."""
     found = {name: version(name) for name in PACKAGES}
     return {"python": platform.python_version(), "protocol": str(VERSION), **found}
+
+
+def new_directory(under: Path, scenario_name: str, seed: int) -> Path:
+    """A path in ``under`` for the run of a scenario at which there is nothing yet."""
+    stem = f"{Path(scenario_name).stem}-seed{seed}"
+    for number in range(1, RUNS_MAX):
+        path = under / f"{stem}-{number}"
+        if not path.exists():
+            return path
+    raise RunDirectoryError(f"{under / stem}-*: too many runs, name one with --out")
 
 
 def create(path: Path) -> Path:

@@ -16,6 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from protocol.access import Access
 from protocol.errors import LinkClosed, ProtocolError
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.links import Link
@@ -27,6 +28,7 @@ from world.run_directory import RunDirectoryError, create, start_recording, writ
 
 JOIN_S_MAX = 30.0
 ANSWER_S_MAX = 3.0
+ASK_AGAIN_S = 1.0
 WATCH_PERIOD_S = 0.1
 
 
@@ -53,12 +55,21 @@ def send(link: Link, messages: list[tuple[str, bytes]]) -> None:
 class Server:
     """One run of one arena, over Zenoh."""
 
-    def __init__(self, arena: Arena, run: str, link: ZenohLink, core: WorldCore, join_s_max: float):
+    def __init__(
+        self,
+        arena: Arena,
+        run: str,
+        link: ZenohLink,
+        core: WorldCore,
+        join_s_max: float,
+        answer_s_max: float,
+    ) -> None:
         self.arena = arena
         self.run = run
         self.link = link
         self.core = core
         self.join_s_max = join_s_max
+        self.answer_s_max = answer_s_max
         self.joined_s: float | None = None
         self.rounds_s = 0.0
         self.begun_unix_s: float | None = None
@@ -107,20 +118,27 @@ class Server:
     async def _watch_progress(self) -> None:
         """Report progress, and end the run if nothing moves for too long."""
         tick, since = -1, time.monotonic()
+        again = 0.0
         while True:
             state = self.core.state
             if state.tick != tick:
                 tick, since = state.tick, time.monotonic()
+                again = since + ASK_AGAIN_S
                 say(
                     {
                         "tick": tick,
                         "distances_m": state.geometry.distances[:-1, -1 - self._fixed].tolist(),
                     }
                 )
-            elif time.monotonic() - since > ANSWER_S_MAX:
+            elif time.monotonic() - since > self.answer_s_max:
                 names = ", ".join(self.core.table.waiting())
-                self.stop(f"no answer from {names} for {ANSWER_S_MAX:g} s at tick {tick}")
+                self.stop(f"no answer from {names} for {self.answer_s_max:g} s at tick {tick}")
                 return
+            elif time.monotonic() > again:
+                # A router that was restarted has lost what was under way.
+                again += ASK_AGAIN_S
+                with contextlib.suppress(LinkClosed):
+                    send(self.link, self.core.unanswered())
             await asyncio.sleep(WATCH_PERIOD_S)
 
     @property
@@ -155,11 +173,12 @@ class Server:
 async def run_world(
     arena: Arena,
     run: str,
-    endpoint: str,
+    access: Access,
     out: Path | None,
     log: Callable[[str], None],
     join_s_max: float = JOIN_S_MAX,
     parent: bool = False,
+    answer_s_max: float = ANSWER_S_MAX,
 ) -> int:
     """The world's life; returns the exit status. ``out``: directory for the recording, if any.
 
@@ -169,19 +188,19 @@ async def run_world(
     core = WorldCore(arena, run, log)
     try:
         directory = create(out) if out else None
-        link = await asyncio.to_thread(ZenohLink, endpoint, True, robot_key(run, "*", "*"))
+        link = await asyncio.to_thread(ZenohLink, access, robot_key(run, "*", "*"))
     except (RunDirectoryError, LinkError) as error:
         say_error(f"world: {error}")
         return 1
     recorder = start_recording(directory, arena.scenario, run) if directory else None
     core.record = recorder.record if recorder else None
     core.shows = True
-    server = Server(arena, run, link, core, join_s_max)
+    server = Server(arena, run, link, core, join_s_max, answer_s_max)
     if parent:
         asyncio.get_running_loop().add_reader(
             sys.stdin.fileno(), server.stop, "its starter is gone"
         )
-    say({"listening": endpoint})
+    say({"listening": str(access)})
     try:
         ended = await server.serve()
     finally:

@@ -21,8 +21,10 @@ from encircle.runlog import RunLog
 from encircle.studies.plan import Plan
 from encircle.studies.work import Row, Task, row
 from encircle.studies.workers import StudyFailed
+from protocol.access import Access
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.log import bounded_log
+from protocol.options import without_settings
 from protocol.zenoh_link import LinkError, ZenohLink
 from world.core import WorldCore
 from world.engine import Arena, build
@@ -51,6 +53,7 @@ class Session:
     def __init__(self, robots: Sequence[str]) -> None:
         self._robots = tuple(robots)
         self._run = f"study-{secrets.token_hex(6)}"
+        self._endpoint = free_endpoint()
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._alive: set[str] = set()
         self._trouble = ""
@@ -60,7 +63,7 @@ class Session:
 
     def __enter__(self) -> "Session":
         try:
-            self._link = ZenohLink(free_endpoint(), True, robot_key(self._run, "*", "*"))
+            self._link = ZenohLink(Access(listen=(self._endpoint,)), robot_key(self._run, "*", "*"))
         except LinkError as error:
             raise StudyFailed(str(error)) from None
         try:
@@ -76,10 +79,10 @@ class Session:
         options = ("--run", self._run, "--stay")
         for robot in self._robots:
             self._processes[robot] = subprocess.Popen(
-                [sys.executable, "-m", "agents", robot, "--connect", self._link.endpoint, *options],
+                [sys.executable, "-m", "agents", robot, "--connect", self._endpoint, *options],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                env=os.environ | ONE_THREAD,
+                env=without_settings(os.environ) | ONE_THREAD,
                 start_new_session=True,
             )
         if not self._everyone.wait(JOIN_S_MAX):

@@ -1,0 +1,85 @@
+"""``python -m protocol.router --listen ENDPOINT``: a Zenoh router, as a process.
+
+World and robots on many hosts need only reach the router, not each other. Any Zenoh router does;
+this one is the library that is installed anyway, in router mode, without plugins.
+"""
+
+import contextlib
+import queue
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from protocol.access import CONNECT_S_MAX, AccessError, LinkError
+from protocol.keys import parse_key, robot_key, world_key
+from protocol.options import Options, access, name_of
+from protocol.zenoh_link import open_session, subscribe_alive, warning
+
+END_S_MAX = 5.0
+STEP_S = 0.5
+
+Changes = queue.SimpleQueue[tuple[str, bool] | None]
+
+
+class Tokens:
+    """What the liveliness tokens of a run say of it."""
+
+    def __init__(self) -> None:
+        self.alive: set[str] = set()
+        self.world_gone_s: float | None = None
+
+    def change(self, key: str, alive: bool, now_s: float) -> None:
+        """A token has come or gone."""
+        (self.alive.add if alive else self.alive.discard)(key)
+        if parse_key(key).robot is None:
+            self.world_gone_s = None if alive else now_s
+
+    def over(self, now_s: float) -> bool:
+        """Whether the world has come and gone, and its robots too, or ``END_S_MAX`` to do so."""
+        gone = self.world_gone_s
+        return gone is not None and (not self.alive or now_s - gone > END_S_MAX)
+
+
+def main(arguments: Sequence[str] | None = None, program: str = "python -m protocol.router") -> int:
+    """Route until SIGTERM or SIGINT, or for one run; returns the exit status."""
+    options = Options(program, "Route the messages of any number of runs.")
+    options.add_access()
+    options.add("--for-run", "end by itself after this run", read=name_of("run"), metavar="RUN")
+    found = options.parse(arguments)
+    changes: Changes = queue.SimpleQueue()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: changes.put(None))
+    try:
+        where = access(found, CONNECT_S_MAX, "router")
+        said = warning(where)
+        with open_session(where) as session:
+            print(f"router: {said or f'listening on {where}'}", file=sys.stderr, flush=True)
+            _route(session, found.for_run, changes)
+    except AccessError as error:
+        options.error(str(error))
+    except LinkError as error:
+        print(f"router: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _route(session: Any, run: str | None, changes: Changes) -> None:
+    """Zenoh does the routing on threads of its own; this waits for the end."""
+    tokens = Tokens()
+    expressions = (world_key(run, "alive"), robot_key(run, "*", "alive")) if run else ()
+    _kept = [
+        subscribe_alive(session, expression, lambda key, alive: changes.put((key, alive)))
+        for expression in expressions
+    ]
+    while not tokens.over(time.monotonic()):
+        with contextlib.suppress(queue.Empty):
+            change = changes.get(timeout=STEP_S)
+            if change is None:
+                return
+            tokens.change(*change, time.monotonic())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

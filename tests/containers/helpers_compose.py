@@ -1,0 +1,86 @@
+"""A compose project as long as a test lasts, and what became of its containers."""
+
+import json
+import os
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from helpers_engine import COMMAND_S_MAX, Daemon, output
+
+HERE = Path(__file__).parents[2]
+END_S_MAX = 120.0
+STEP_S = 0.2
+
+
+class Project:
+    """Containers of some compose files. Use as a context, which removes them and their network."""
+
+    def __init__(
+        self, engine: Daemon, name: str, files: Sequence[str], settings: dict[str, str]
+    ) -> None:
+        self._engine = engine
+        chosen = [part for file in files for part in ("--file", str(HERE / file))]
+        self._compose = ["docker-compose", "--project-name", name, *chosen]
+        self._env = engine.env | settings
+
+    def __enter__(self) -> "Project":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.compose("down", "--timeout", "5")
+
+    def compose(self, *arguments: str) -> str:
+        return output(*self._compose, *arguments, env=self._env)
+
+    def up(self, *options: str) -> None:
+        """``docker compose up`` as a user gives it: it comes back when all have ended."""
+        said = subprocess.run(
+            [*self._compose, "up", "--no-build", "--no-color", *options],
+            env=os.environ | self._env,
+            capture_output=True,
+            text=True,
+            timeout=COMMAND_S_MAX,
+            check=False,
+        )
+        assert said.returncode == 0, said.stdout[-8000:] + said.stderr[-8000:]
+
+    def start(self) -> None:
+        """The same without waiting for the end."""
+        self.compose("up", "--no-build", "--detach")
+
+    def inspected(self, field: str) -> dict[str, str]:
+        """A field of ``docker inspect`` of every container, by service (and number, above one)."""
+        form = (
+            '{{index .Config.Labels "com.docker.compose.service"}}'
+            '{{index .Config.Labels "com.docker.compose.container-number"}} {{json ' + field + "}}"
+        )
+        ids = self.compose("ps", "--all", "--quiet").split()
+        lines = self._engine.docker("inspect", "--format", form, *ids).splitlines()
+        pairs = (line.split(" ", 1) for line in lines)
+        return {name.removesuffix("1"): json.loads(value) for name, value in pairs}
+
+    def statuses(self) -> dict[str, str]:
+        """Exit status of every container; ``AssertionError`` if some do not end in time."""
+        self.wait_until(lambda: "running" not in self.inspected(".State.Status").values())
+        return self.inspected(".State.ExitCode")
+
+    def logs(self, service: str) -> str:
+        return self.compose("logs", "--no-color", service)
+
+    def wait_for_tick(self, tick: int) -> None:
+        """Until the world has come so far."""
+
+        def reached() -> bool:
+            reports = [line.partition("{")[2] for line in self.logs("world").splitlines()]
+            ticks = [json.loads("{" + line)["tick"] for line in reports if '"tick":' in line]
+            return max(ticks, default=-1) >= tick
+
+        self.wait_until(reached)
+
+    def wait_until(self, happened: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + END_S_MAX
+        while not happened():
+            assert time.monotonic() < deadline, self.compose("ps") + self.compose("logs")
+            time.sleep(STEP_S)

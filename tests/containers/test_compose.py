@@ -1,0 +1,177 @@
+"""Hunts in containers, on a real engine: ``make containers``, as root on Debian."""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from helpers_compose import HERE, Project
+from helpers_engine import ADDRESS, Daemon, building, install, make_base_image, remove, running
+
+import encircle
+from encircle.replaying import replay
+
+pytestmark = [
+    pytest.mark.skipif("ENCIRCLE_CONTAINERS" not in os.environ, reason="run by make containers"),
+    pytest.mark.timeout(900),
+]
+ONE = ("docker-compose.yml",)
+SCALED = (*ONE, "docker-compose.scale.yml")
+IMPAIRED = (*ONE, "docker-compose.impaired.yml")
+HOST = ("docker-compose.host.yml",)
+PARTIES = {"router", "world", "r1", "r2", "r3", "r4"}
+LONG = ";".join(
+    (
+        "ticks_max=4000",
+        "team.sensing_range_m=500.0",
+        "target.step_m_max=0.5",
+        'target.behaviour="patrol"',
+        "target.parameters={waypoints=[[60,0],[60,60],[0,60],[0,0]]}",
+    )
+)
+"""A hunt of many seconds: the target is faster than the robots."""
+
+
+@pytest.fixture(scope="module")
+def engine() -> Iterator[Daemon]:
+    """An engine with the image of this project; all that it leaves is in one directory."""
+    install()
+    root = Path(tempfile.mkdtemp(prefix="encircle-engine-"))
+    try:
+        with building(root) as builder:
+            make_base_image(root, builder)
+            builder.docker("build", "--network", "host", "--tag", "encircle", str(HERE))
+        with running(root) as daemon:
+            yield daemon
+    finally:
+        remove(root)
+
+
+@pytest.fixture
+def runs() -> Iterator[Path]:
+    """A directory that another user may write to, which those of pytest do not let through."""
+    path = Path(tempfile.mkdtemp(prefix="encircle-runs-"))
+    path.chmod(0o755)
+    yield path
+    shutil.rmtree(path)
+
+
+def summary(runs: Path) -> dict:
+    (directory,) = runs.iterdir()
+    return json.loads((directory / "summary.json").read_text())
+
+
+@pytest.mark.parametrize("files", [ONE, SCALED, IMPAIRED, HOST], ids=lambda files: files[-1])
+def test_the_compose_files_are_accepted(engine, files):
+    Project(engine, "valid", files, {}).compose("config", "--quiet")
+
+
+def test_the_image_is_small_enough_and_runs_as_nobody_special(engine):
+    size, user = engine.docker(
+        "inspect", "--format", "{{.Size}} {{.Config.User}}", "encircle"
+    ).split()
+    base = engine.docker("inspect", "--format", "{{.Size}}", "python:3.11-slim")
+    print(f"image {int(size) / 1e6:.0f} MB, {(int(size) - int(base)) / 1e6:.0f} MB above its base")
+    assert int(size) - int(base) < 400e6
+    assert user == "1000:1000"
+    listed = engine.docker("run", "--rm", "--network", "none", "encircle", "scenarios")
+    assert listed.startswith("sim1")
+
+
+def test_up_runs_simulation_1_as_in_memory_and_leaves_the_recording(engine, runs):
+    memory = encircle.run("sim1", link="memory")
+    with Project(engine, "one", ONE, {"ENCIRCLE_HOST_RUNS": str(runs)}) as project:
+        project.up()
+        assert project.statuses() == dict.fromkeys([*PARTIES, "runs"], 0)
+        users = project.inspected(".Config.User")
+        assert {users[party] for party in PARTIES} == {"1000:1000"}
+        assert all(project.inspected(".HostConfig.ReadonlyRootfs").values())
+        assert not any(project.inspected(".HostConfig.PortBindings").values())
+    assert summary(runs)["digest"] == memory.digest
+    check = replay(runs / "sim1-seed1-1")
+    assert (check.same, check.complete, check.ticks) == (True, True, memory.result.ticks)
+    assert (runs / "sim1-seed1-1" / "recording.mcap").stat().st_uid == 1000
+
+
+def test_a_second_up_records_beside_the_first(engine, runs):
+    settings = {"ENCIRCLE_HOST_RUNS": str(runs), "ENCIRCLE_SEED": "7"}
+    with Project(engine, "twice", ONE, settings) as project:
+        project.up()
+        project.up()
+        assert set(project.statuses().values()) == {0}
+    assert sorted(path.name for path in runs.iterdir()) == ["sim1-seed7-1", "sim1-seed7-2"]
+
+
+def test_six_robots(engine, runs):
+    memory = encircle.run("sim1", link="memory", overrides=["team={robots=6}"])
+    with Project(engine, "six", SCALED, {"ENCIRCLE_HOST_RUNS": str(runs)}) as project:
+        project.up()
+        statuses = project.statuses()
+    assert statuses == dict.fromkeys([*PARTIES, "runs", "more", "more2"], 0)
+    assert summary(runs)["digest"] == memory.digest
+
+
+def test_every_container_with_a_loss_and_a_delay_of_its_own(engine, runs):
+    rows = [("r1", 0.0, 0.0), ("r2", 0.1, 0.1), ("r3", 0.2, 0.2), ("r4", 0.9, 0.3)]
+    links = ",".join(
+        f'{{sender="{robot}",loss={{model="bernoulli",rate={loss}}},'
+        f'delay={{model="constant",mean_s={delay}}}}}'
+        for robot, loss, delay in rows
+    )
+    memory = encircle.run("sim1", link="memory", overrides=[f"channel.links=[{links}]"])
+    settings = {"ENCIRCLE_HOST_RUNS": str(runs), "R4_LOSS": "0.9"}
+    with Project(engine, "impaired", IMPAIRED, settings) as project:
+        project.up()
+        assert set(project.statuses().values()) == {0}
+    found = summary(runs)
+    assert found["digest"] == memory.digest
+    assert found["packets_lost"] == memory.result.packets_lost != {}
+
+
+def test_a_robot_whose_container_is_stopped_in_mid_hunt(engine, runs):
+    """The world names it; whatever it decides to do then, all come to an end in good order."""
+    settings = {"ENCIRCLE_HOST_RUNS": str(runs), "ENCIRCLE_SET": LONG}
+    with Project(engine, "stopped", ONE, settings) as project:
+        project.start()
+        project.wait_for_tick(100)
+        project.compose("stop", "r2")
+        statuses = project.statuses()
+        assert "robot r2" in project.logs("world")
+    assert statuses["router"] == 0
+    assert set(statuses.values()) <= {0, 1}
+    (directory,) = runs.iterdir()
+    check = replay(directory)
+    assert check.same
+    assert check.ticks > 100
+
+
+def test_three_hosts_each_with_the_part_that_its_environment_says(engine, runs):
+    middle = {
+        "COMPOSE_PROFILES": "router,world",
+        "ENCIRCLE_PUBLISH": f"{ADDRESS}:7447",
+        "ENCIRCLE_WITHOUT_AUTHENTICATION": "yes",
+        "ENCIRCLE_FOR_RUN": "hunt",
+        "ENCIRCLE_HOST_RUNS": str(runs),
+    }
+    far = {"ENCIRCLE_CONNECT": f"tcp/{ADDRESS}:7447"}
+    with (
+        Project(engine, "middle", HOST, middle) as first,
+        Project(engine, "left", HOST, far | {"COMPOSE_PROFILES": "r1,r2"}) as second,
+        Project(engine, "right", HOST, far | {"COMPOSE_PROFILES": "r3,r4"}) as third,
+    ):
+        for project in (first, second, third):
+            project.start()
+        assert first.statuses() == {"router": 0, "world": 0, "runs": 0}
+        assert second.statuses() == {"r1": 0, "r2": 0}
+        assert third.statuses() == {"r3": 0, "r4": 0}
+    assert summary(runs)["digest"] == encircle.run("sim1", link="memory").digest
+
+
+def test_a_router_for_other_hosts_starts_only_when_asked_for_by_name(engine):
+    with Project(engine, "asked", HOST, {"COMPOSE_PROFILES": "router"}) as project:
+        project.start()
+        assert project.statuses() == {"router": 2}
+        assert "--without-authentication" in project.logs("router")

@@ -1,0 +1,138 @@
+"""Hunts over many hosts, each a network namespace of its own: world, router and four robots."""
+
+import json
+import time
+from collections.abc import Iterator
+
+import pytest
+from helpers_hosts import Hosts, Party, possible
+
+import encircle
+from encircle.replaying import replay
+
+ROBOTS = ("r1", "r2", "r3", "r4")
+LONG = {
+    "ticks_max": 400,
+    "team": {"robots": 4, "sensing_range_m": 500.0},
+    "target": {
+        "behaviour": "patrol",
+        "parameters": {"waypoints": [[60, 0], [60, 60], [0, 60], [0, 0]]},
+        "step_m_max": 0.5,
+    },
+}
+"""A hunt that lasts some seconds: the target is faster than the robots."""
+UNDER_WAY_TICK = 100
+
+pytestmark = pytest.mark.skipif(not possible(), reason="network namespaces need root and iproute2")
+
+
+@pytest.fixture
+def hosts(tmp_path) -> Iterator[Hosts]:
+    (tmp_path / "logs").mkdir()
+    made = Hosts(("hub", "world", *ROBOTS), tmp_path / "logs")
+    yield made
+    made.close()
+
+
+def everything(hosts: Hosts, scenario: str, *options: str) -> tuple[Party, Party, list[Party]]:
+    """Router, world and robots, each on its host, told everything by environment variables."""
+    hub = hosts.endpoint("hub")
+    open_to_all = {"ENCIRCLE_LISTEN": hub, "ENCIRCLE_WITHOUT_AUTHENTICATION": "yes"}
+    router = hosts.start("hub", "protocol.router", settings=open_to_all)
+    run = {"ENCIRCLE_CONNECT": hub, "ENCIRCLE_RUN": "far"}
+    world = hosts.start("world", "world", scenario, *options, settings=run)
+    robots = [hosts.start(r, "agents", settings=run | {"ENCIRCLE_ROBOT": r}) for r in ROBOTS]
+    return router, world, robots
+
+
+def test_a_hunt_through_a_router_is_the_one_in_memory(hosts, tmp_path):
+    router, world, robots = everything(hosts, "sim1", "--out", str(tmp_path / "run"))
+    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert world.result()["digest"] == encircle.run("sim1", link="memory").digest
+    assert replay(tmp_path / "run").same
+    assert router.terminate() == 0
+    assert "10.99.0.1:7447 without authentication" in router.said
+
+
+def test_a_hunt_over_a_full_mesh_is_the_one_in_memory(hosts):
+    """Everybody listens and knows everybody: no host is in the middle."""
+    parties = []
+    for name in ("world", *ROBOTS):
+        others = [other for other in ("world", *ROBOTS) if other != name]
+        settings = {
+            "ENCIRCLE_RUN": "mesh",
+            "ENCIRCLE_LISTEN": hosts.endpoint(name),
+            "ENCIRCLE_CONNECT": ",".join(map(hosts.endpoint, others)),
+            "ENCIRCLE_WITHOUT_AUTHENTICATION": "yes",
+        }
+        command = ("world", "sim1") if name == "world" else ("agents", name)
+        parties.append(hosts.start(name, *command, settings=settings))
+    assert [party.end() for party in parties] == [0] * 5, parties[0].said
+    assert parties[0].result()["digest"] == encircle.run("sim1", link="memory").digest
+
+
+def test_endpoints_may_come_from_zenoh_configuration_files(hosts, tmp_path):
+    hub = json.dumps(hosts.endpoint("hub"))
+    listening, connecting = tmp_path / "router.json5", tmp_path / "party.json5"
+    listening.write_text(f"{{ mode: 'router', listen: {{ endpoints: [{hub}] }} }}")
+    connecting.write_text(f"{{ mode: 'client', connect: {{ endpoints: [{hub}] }} }} // all of it")
+    own = ("--zenoh-config", str(listening), "--without-authentication", "--for-run", "filed")
+    router = hosts.start("hub", "protocol.router", *own)
+    filed = ("--zenoh-config", str(connecting), "--run", "filed")
+    world = hosts.start("world", "world", "sim5", *filed)
+    robots = [hosts.start(robot, "agents", robot, *filed) for robot in ROBOTS]
+    assert [party.end() for party in (world, *robots, router)] == [0] * 6, world.said
+    assert world.result()["digest"] == encircle.run("sim5", link="memory").digest
+
+
+@pytest.fixture
+def long_hunt(tmp_path) -> str:
+    path = tmp_path / "long.json"
+    path.write_text(json.dumps(LONG))
+    return str(path)
+
+
+@pytest.mark.parametrize("victim", ["r2", "world"])
+def test_a_host_that_was_cut_off_for_two_seconds_changes_nothing(hosts, long_hunt, victim):
+    _, world, robots = everything(hosts, long_hunt, "--answer-timeout", "20")
+    world.wait_for_tick(UNDER_WAY_TICK)
+    with hosts.cut_off(victim):
+        time.sleep(2.0)
+    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert world.result()["ticks"] == LONG["ticks_max"]
+    assert world.result()["digest"] == encircle.run(long_hunt, link="memory").digest
+
+
+def test_a_host_that_stays_cut_off_is_named(hosts, long_hunt, tmp_path):
+    _, world, robots = everything(hosts, long_hunt, "--out", str(tmp_path / "run"))
+    world.wait_for_tick(UNDER_WAY_TICK)
+    with hosts.cut_off("r2"):
+        assert world.end() == 1
+        assert "no answer from r2 for 3 s" in world.said
+        assert [robots[k].end() for k in (0, 2, 3)] == [1, 1, 1]
+        assert replay(tmp_path / "run").same
+
+
+def test_a_router_that_is_restarted_changes_nothing(hosts, long_hunt):
+    router, world, robots = everything(hosts, long_hunt, "--answer-timeout", "20")
+    world.wait_for_tick(UNDER_WAY_TICK)
+    router.kill()
+    time.sleep(1.0)
+    endpoint = hosts.endpoint("hub")
+    again = ("--listen", endpoint, "--without-authentication", "--for-run", "far")
+    router = hosts.start("hub", "protocol.router", *again)
+    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert router.end() == 0
+    assert world.result()["ticks"] == LONG["ticks_max"]
+    assert world.result()["digest"] == encircle.run(long_hunt, link="memory").digest
+
+
+def test_a_router_that_does_not_come_back_ends_the_run(hosts, long_hunt, tmp_path):
+    router, world, robots = everything(hosts, long_hunt, "--out", str(tmp_path / "run"))
+    world.wait_for_tick(UNDER_WAY_TICK)
+    router.kill()
+    assert world.end() == 1
+    assert "no answer from" in world.said
+    assert replay(tmp_path / "run").same
+    # They would wait for the router for some seconds more.
+    assert [robot.terminate() for robot in robots] == [1] * 4
