@@ -25,6 +25,7 @@ from protocol.messages import Command, End, Observation, Point, Pose, Radio, Set
 from world import channel as radio
 from world import engine
 from world.result import Result
+from world.scenario import Scenario
 
 Outgoing = list[tuple[str, bytes]]
 Record = Callable[[int, str, bytes], None]
@@ -78,12 +79,7 @@ class WorldCore:
         self._packets_copied = 0
         self._lost: Counter[int] = Counter()
         self._contacts = 0
-        # Without what is at its default: keys that a later version adds change no digest.
-        configuration = arena.scenario.model_dump(
-            mode="json", exclude={"title", "description", "seed"}, exclude_defaults=True
-        )
-        header = {"version": VERSION, "seed": arena.seed, "scenario": configuration}
-        self._digest.update(json.dumps(header, sort_keys=True).encode())
+        self._digest.update(digest_header(arena.scenario, arena.seed).encode())
 
     def join(self, robot: str) -> Outgoing:
         """A robot is there: its setup. ``OutOfTurn`` if it is not of the team or joined before."""
@@ -293,6 +289,16 @@ class WorldCore:
             self._encode(robot, "end", End(robot, self.state.tick, reason))
             for robot in self.arena.ids
         ]
+
+
+def digest_header(scenario: Scenario, seed: int) -> str:
+    """What the digest of a run begins with: its configuration, as JSON.
+
+    Without what is at its default: keys that a later version adds change no digest.
+    """
+    words = {"title", "description", "seed"}
+    changed = scenario.model_dump(mode="json", exclude=words, exclude_defaults=True)
+    return json.dumps({"version": VERSION, "seed": seed, "scenario": changed}, sort_keys=True)
 
 
 def _rows(table: NDArray[np.int64] | None) -> tuple[tuple[int, ...], ...]:

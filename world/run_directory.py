@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol import VERSION
+from world.core import digest_header
 from world.recorder import Recorder
 from world.result import Result
 from world.scenario import Scenario
@@ -47,6 +48,7 @@ def start_recording(path: Path, scenario: Scenario, run: str) -> Recorder:
         "run": run,
         "seed": str(scenario.seed),
         "scenario": scenario.model_dump_json(),
+        "digest_header": digest_header(scenario, scenario.seed),
         "versions": json.dumps(versions()),
     }
     try:

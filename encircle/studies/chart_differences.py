@@ -38,7 +38,7 @@ from encircle.studies.views import (
     wrapped,
 )
 
-ROW_IN, GROUP_IN, NAME_LINE_IN, AROUND_IN = 0.14, 0.1, 0.14, 0.75
+ROW_IN, GROUP_IN, NAME_LINE_IN, AROUND_IN = 0.14, 0.1, 0.14, 0.9
 NAME_COLUMNS = 26
 RATE_SPAN_MIN, TIME_SPAN_MIN = 5.0, 0.02
 """The least reach of the scales about zero, in points and as a share of the limit."""
@@ -117,8 +117,8 @@ def _draw(
         axes.tick_params(axis="y", length=0)
         axes.locator_params(axis="x", nbins=6)
     panels[0].set_yticks(np.arange(len(rows)) + 0.5, names)
-    panels[0].set_xlabel("difference in capture rate\n(percentage points; right is better)")
-    panels[1].set_xlabel("difference in restricted mean time\n(s; left is better)")
+    panels[0].set_xlabel("difference in\ncapture rate (points)\nright is better")
+    panels[1].set_xlabel("difference in\nrestricted mean time (s)\nleft is better")
     add_legend(figure, legend)
     return figure
 

@@ -14,7 +14,7 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
 from encircle.drawing import DOTS_PER_INCH, WIDTH_IN
-from encircle.studies.chart_frames import LETTER_IN, MAP, Drawn, Floats
+from encircle.studies.chart_frames import LETTER_IN, MAP, Drawn, Floats, fitted
 from encircle.studies.chart_lines import RATE, TIME, Quantity, limit_text, runs_text
 from encircle.studies.plan import Axis
 from encircle.studies.summary import Summary
@@ -74,6 +74,8 @@ def _draw_pair(summary: Summary, along: Axis, up: Axis, setting: Places, name: s
         )
         _draw_map(figure, axes, summary, values, quantity)
         _name_levels(axes, along, up, room_pt)
+        axes.set_xlabel(fitted(along, room_pt * len(along.levels) / 72.0))
+        axes.set_ylabel(fitted(up, map_in))
         texts = _numbers(summary, values, quantity)
         letters = LETTER_EM * max(len(text) for row in texts for text in row) + 0.5
         size_pt = min(NUMBER_PT, room_pt / letters, 0.75 * 72.0 * map_in / len(rows))
@@ -143,4 +145,3 @@ def _name_levels(axes: Axes, along: Axis, up: Axis, room_pt: float) -> None:
     names = [level_text(up, place) for place in ordered(up)]
     axes.set_yticks(np.arange(len(names)) + 0.5, names)
     axes.tick_params(length=0)
-    axes.set(xlabel=along.title, ylabel=up.title)

@@ -16,7 +16,7 @@ from encircle.studies.plan import Plan
 from encircle.studies.report_tables import CSV, many, measures, tables
 from encircle.studies.summary import Summary, findings, summarise
 from encircle.studies.table import OWNER, TABLE, StudyTable
-from encircle.studies.words import axis_rows, base_scenario, set_up
+from encircle.studies.words import axis_rows, set_up
 
 REPORT = "report.html"
 FINDINGS_SHOWN, VALUES_MAX = 16, 40
@@ -82,16 +82,17 @@ def _findings(summary: Summary) -> list[str]:
 
 
 def _set_up(plan: Plan) -> list[str]:
-    base = base_scenario(plan).model_dump(mode="json", exclude={"seed"})
+    tree = plan.scenario_of(0).model_dump(mode="json", exclude={"seed"})
+    which = "The scenario, all axes at their first level" if plan.all_axes else "The scenario"
     found = [page.heading("Set-up")]
     if plan.all_axes:
         axes = ("Axis", "Key", "Levels")
         found.append(page.table("What is varied", axes, axis_rows(plan), kind="words"))
-    found.append(page.table("The base scenario", ("What", "How it is"), set_up(plan), kind="words"))
-    shown = _shortened(base)
-    cut = f"; {OWNER} has the lists that are cut short" if shown != base else ""
+    found.append(page.table(which, ("What", "How it is"), set_up(plan), kind="words"))
+    shown = _shortened(tree)
+    cut = f"; {OWNER} has the lists that are cut short" if shown != tree else ""
     text = json.dumps(shown, indent=2, ensure_ascii=False)
-    told = f"The base scenario in full, defaults included{cut}"
+    told = f"{which}, in full, defaults included{cut}"
     return [*found, page.folded(told, [page.preformatted(text)])]
 
 

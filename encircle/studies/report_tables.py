@@ -140,16 +140,15 @@ def _measures_beside(summary: Summary, names: Sequence[str]) -> str:
 def _measured(summary: Summary, name: str) -> str:
     """One measure's own table, a row for each cell."""
     plan, measure = summary.plan, MEASURES[name]
+    unit = f" ({measure.unit})" if measure.unit != "1" else ""
     rows = [
         (*_levels(plan, cell.cell), _interval(cell.means[name], ".4g"))
         for cell in summary.cells[:MEASURED_ROWS_MAX]
     ]
-    head = [*(axis.title for axis in plan.all_axes), f"Mean ({measure.unit})"]
+    head = [*(axis.title for axis in plan.all_axes), f"Mean{unit}"]
     caption = f"{name}: {measure.description} Means over runs, with 95 % intervals"
     caption += _cut(len(summary.cells), MEASURED_ROWS_MAX)
-    return page.folded(
-        f"{name} ({measure.unit})", [page.table(caption, head, rows, len(plan.all_axes))]
-    )
+    return page.folded(f"{name}{unit}", [page.table(caption, head, rows, len(plan.all_axes))])
 
 
 def _levels(plan: Plan, cell: int) -> tuple[str, ...]:
