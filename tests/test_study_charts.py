@@ -23,11 +23,12 @@ from helpers_studies import (
 )
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import same_color
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from encircle.studies import chart_frames, charts, views
 from encircle.studies.chart_lines import RATE, draw_against
-from encircle.studies.chart_maps import draw_maps
+from encircle.studies.chart_maps import _name_levels, draw_maps
 from encircle.studies.charts import charts_of, drawn_along, write_charts
 from encircle.studies.plan import Axis
 from encircle.studies.summary import summarise
@@ -425,6 +426,18 @@ def test_named_axes_are_drawn_along_if_nothing_else_shows_them():
     assert along({**LOSS, "values": [0.5]}) == []
 
 
+def test_a_map_of_many_levels_names_those_that_fit():
+    fine = Axis(name="fine", key="k", range={"first": 0.0, "last": 1.99, "count": 200})
+    axes = Figure().subplots()
+    _name_levels(axes, fine, fine, room_pt=2.0, high_pt=100.0)
+    across = [text.get_text() for text in axes.get_xticklabels()]
+    assert (across[0], across[-1], len(across)) == ("0", "1.99", 33)
+    assert axes.get_xticks()[-1] == 199.5
+    assert {text.get_rotation() for text in axes.get_xticklabels()} == {90.0}
+    assert [text.get_text() for text in axes.get_yticklabels()][-1] == "1.99"
+    assert len(axes.get_yticks()) == 8
+
+
 def test_widely_spread_levels_have_a_log_scale():
     axis = Axis(name="noise", key="k", values=(0.001, 0.01, 1.0))
     values = chart_frames.scaled(axis)
@@ -439,7 +452,7 @@ import sys
 from pathlib import Path
 from contextlib import closing
 from encircle.studies.chart_lines import RATE, draw_against
-from encircle.studies.chart_maps import draw_maps
+from encircle.studies.chart_maps import _name_levels, draw_maps
 from encircle.studies.charts import write_charts
 from encircle.studies.summary import summarise
 from helpers_studies import filled, study_plan

@@ -25,7 +25,8 @@ from scipy import stats
 from encircle.studies import report
 from encircle.studies.charts import Chart
 from encircle.studies.report import write_report
-from encircle.studies.summary import findings, summarise
+from encircle.studies.sentences import findings
+from encircle.studies.summary import summarise
 from encircle.studies.words import seeds_text, set_up
 
 STRATEGIES = ["xi-star", "xi-0"]

@@ -7,7 +7,8 @@ from helpers_studies import ARMS, DELAY, LOSS, filled, loss_only, never, study_p
 from scipy import stats
 
 from encircle.studies.plan import STRATEGY
-from encircle.studies.summary import baseline_of, findings, rows_along, summarise, where_text
+from encircle.studies.sentences import findings, where_text
+from encircle.studies.summary import baseline_of, rows_along, summarise
 
 TWO = {"axes": [LOSS], "strategies": ["xi-star", "xi-0"], "seeds": 60}
 

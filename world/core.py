@@ -8,7 +8,6 @@ and recording, and is to be called after the outgoing messages were sent.
 """
 
 import hashlib
-import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol import VERSION
 from protocol.codec import Message, begins_canonically, body_of, decode, decode_pose, encode, packed
 from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key, world_key
@@ -25,7 +23,7 @@ from protocol.messages import Command, End, Observation, Point, Pose, Radio, Set
 from world import channel as radio
 from world import engine
 from world.result import Result
-from world.scenario import Scenario
+from world.scenario import digest_header
 
 Outgoing = list[tuple[str, bytes]]
 Record = Callable[[int, str, bytes], None]
@@ -289,16 +287,6 @@ class WorldCore:
             self._encode(robot, "end", End(robot, self.state.tick, reason))
             for robot in self.arena.ids
         ]
-
-
-def digest_header(scenario: Scenario, seed: int) -> str:
-    """What the digest of a run begins with: its configuration, as JSON.
-
-    Without what is at its default: keys that a later version adds change no digest.
-    """
-    words = {"title", "description", "seed"}
-    changed = scenario.model_dump(mode="json", exclude=words, exclude_defaults=True)
-    return json.dumps({"version": VERSION, "seed": seed, "scenario": changed}, sort_keys=True)
 
 
 def _rows(table: NDArray[np.int64] | None) -> tuple[tuple[int, ...], ...]:

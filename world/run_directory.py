@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from protocol import VERSION
-from world.core import digest_header
 from world.recorder import Recorder
 from world.result import Result
-from world.scenario import Scenario
+from world.scenario import Scenario, digest_header
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"

@@ -11,7 +11,8 @@ from encircle.measures import MEASURES
 from encircle.statistics import Interval
 from encircle.studies import page
 from encircle.studies.plan import Plan
-from encircle.studies.summary import Comparison, Summary, Tolerated, where_text
+from encircle.studies.sentences import where_text
+from encircle.studies.summary import Comparison, Summary, Tolerated
 from encircle.studies.views import label, varied
 
 CSV = "summary.csv"

@@ -1,9 +1,7 @@
 """What a study's table says: each cell, levels against each other, how much is tolerated.
 
 Statistics are ``encircle.statistics``'s. Cells are read from the table one at a time and only the
-columns needed, so a summary takes no more memory for a long table than for a short one. The
-sentences of ``findings`` are made from the numbers alone: a difference whose interval holds zero is
-said to be undecided, never absent.
+columns needed, so a summary takes no more memory for a long table than for a short one.
 """
 
 import csv
@@ -195,75 +193,3 @@ def baseline_of(plan: Plan, axis: Axis) -> int:
     """Place of the level that the others are compared with: the plan's, or the first."""
     named = [k for k, level in enumerate(axis.levels) if str(level) == plan.baseline]
     return named[0] if named else 0
-
-
-def findings(summary: Summary) -> list[str]:
-    """Plain sentences, each with the interval that it rests on."""
-    plan = summary.plan
-    found = [_range_sentence(summary)]
-    found += [_tolerance_sentence(plan, one) for one in summary.tolerated]
-    if plan.compared is not None:
-        found += [_comparison_sentence(plan, one) for one in summary.comparisons]
-    return found
-
-
-def where_text(plan: Plan, levels: Mapping[str, Any]) -> str:
-    """Levels as a person reads them: ``packet loss 30 %, strategy xi-0``."""
-    parts = []
-    for axis in plan.all_axes:
-        if axis.name in levels:
-            label, unit = axis.label or axis.name, f" {axis.unit}" if axis.unit else ""
-            parts.append(f"{label} {axis.shown(levels[axis.name])}{unit}")
-    return ", ".join(parts)
-
-
-def _range_sentence(summary: Summary) -> str:
-    best = max(summary.cells, key=lambda cell: cell.rate.value)
-    worst = min(summary.cells, key=lambda cell: cell.rate.value)
-    if len(summary.cells) == 1:
-        return f"The target is captured in {_percent(best.rate)} of {best.runs} runs."
-    low, high = (
-        f"{_percent(cell.rate)} ({where_text(summary.plan, cell.levels)})" for cell in (worst, best)
-    )
-    return f"The capture rate goes from {low} to {high}, {best.runs} runs each."
-
-
-def _tolerance_sentence(plan: Plan, one: Tolerated) -> str:
-    axis = next(a for a in plan.all_axes if a.name == one.axis)
-    unit = f" {axis.unit}" if axis.unit else ""
-    label = axis.label or axis.name
-    at = f" at {where_text(plan, one.others)}" if one.others else ""
-    rate = f"{100 * plan.tolerated_rate:g} %"
-    value, low, high = one.level
-    first, last = float(axis.levels[0]), float(axis.levels[-1])
-    shown = [axis.shown(round(v, 6)) if np.isfinite(v) else "" for v in (value, low, high)]
-    if np.isnan(value):
-        return f"Capture stays below {rate}{at} even at a {label} of {axis.shown(first)}{unit}."
-    holds = f"Capture stays at or above {rate}{at} up to"
-    if value >= last and np.isinf(high):
-        below = f" (95 % sure up to {shown[1]}{unit})" if shown[1] and low < last else ""
-        return f"{holds} the largest {label} tried, {shown[0]}{unit}{below}."
-    lower = shown[1] or f"below {axis.shown(first)}"
-    upper = shown[2] or f"beyond {axis.shown(last)}"
-    return f"{holds} a {label} of {shown[0]}{unit} [{lower}, {upper}]."
-
-
-def _comparison_sentence(plan: Plan, one: Comparison) -> str:
-    at = f" at {where_text(plan, one.others)}" if one.others else ""
-    rate, time = one.rate.mean, one.time_s.mean
-    parts = []
-    for what, interval, scale, unit in (
-        ("capture rate", rate, 100.0, "points"),
-        ("time to capture", time, 1.0, "s"),
-    ):
-        text = f"{Interval(*(scale * v for v in interval)):+.3g} {unit}"
-        decided = interval.low > 0.0 or interval.high < 0.0
-        word = ("higher" if interval.value > 0 else "lower") if decided else "undecided"
-        parts.append(f"{what} {word} ({text})")
-    effect = one.time_s.effect.value
-    size = f", effect size d_z {effect:+.2f}" if np.isfinite(effect) else ""
-    return f"{one.level} against {one.baseline}{at}: {'; '.join(parts)}{size}."
-
-
-def _percent(rate: Interval) -> str:
-    return f"{100 * rate.value:.0f} % [{100 * rate.low:.0f}, {100 * rate.high:.0f}]"

@@ -14,7 +14,6 @@ from encircle.studies.plan import Axis, Plan
 
 LINES_MAX = 6
 PANELS_MAX = 6
-ROWS_MAX = 40
 TEXT_LINES_MAX = 3
 LABEL_MAX = 30
 CUT = "\N{HORIZONTAL ELLIPSIS}"
