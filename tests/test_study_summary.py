@@ -86,6 +86,21 @@ def test_tolerated_levels_are_those_of_each_setting(two):
     assert levels[first_below - 1] <= summary.tolerated[0].level.value <= levels[first_below]
 
 
+def test_where_capture_rises_with_the_axis_it_is_told_from_where_on(tmp_path):
+    def turned(levels):
+        return loss_only({"loss": 0.8 - levels["loss"]})
+
+    _, _, up = summed(tmp_path, turned, axes=[LOSS], seeds=60)
+    (rising,) = up.tolerated
+    assert rising.rising
+    rates = [cell.rate.value for cell in up.cells]
+    above = next(k for k, rate in enumerate(rates) if rate >= 0.9)
+    assert LOSS["values"][above - 1] <= rising.level.value <= LOSS["values"][above]
+    assert rising.level.low <= rising.level.value <= rising.level.high
+    assert f"from packet loss {100 * rising.level.value:.3g} %" in findings(up)[1]
+    assert findings(up)[1].endswith(" on.")
+
+
 def test_rows_along_an_axis_are_every_cell_once():
     plan = study_plan(axes=[LOSS, DELAY], strategies=["xi-star", "xi-0"])
     for axis in plan.all_axes:
@@ -127,7 +142,9 @@ def test_sentences_quote_the_intervals(two):
     best = max(summary.cells, key=lambda cell: cell.rate.value)
     assert f"{100 * best.rate.value:.0f} %" in said[0]
     level = summary.tolerated[0].level
-    quoted = f"packet loss {100 * level.value:.3g} % [{100 * level.low:.3g}, {100 * level.high:.3g}]"
+    quoted = (
+        f"packet loss {100 * level.value:.3g} % [{100 * level.low:.3g}, {100 * level.high:.3g}]"
+    )
     assert quoted in said[1]
     first = summary.comparisons[0].time_s.mean
     assert f"{first.value:+.3g} [{first.low:+.3g}, {first.high:+.3g}] s" in said[3]

@@ -93,7 +93,7 @@ def _tolerances(summary: Summary) -> str:
         axis = next(axis for axis in plan.all_axes if axis.name == one.axis)
         held = where_text(plan, {a.name: one.others[a.name] for a in varied(plan) if a is not axis})
         rows.append((axis.title, held or NONE, *_tolerance(plan, one)))
-    caption = f"Up to which level the capture rate stays at or above {rate}"
+    caption = f"Up to which level the capture rate stays at or above {rate}, or from which on"
     head = ("Axis", "At", "Level", "95 % interval")
     return page.table(caption + _cut(len(summary.tolerated), ROWS_MAX), head, rows, 2)
 
@@ -107,7 +107,7 @@ def _tolerance(plan: Plan, one: Tolerated) -> tuple[str, str]:
     level = f"{value:.3g}" if np.isfinite(value) else f"none (below from {first} on)"
     if np.isinf(high) and value == float(axis.column(len(axis.levels) - 1)) * axis.scale:
         level = f"{last}, the last"
-    return level, f"[{lower}, {upper}]"
+    return f"from {level} on" if one.rising else level, f"[{lower}, {upper}]"
 
 
 def measures(summary: Summary) -> list[str]:

@@ -52,6 +52,11 @@ def _tolerance(plan: Plan, one: Tolerated) -> str:
     first, last = float(axis.levels[0]), float(axis.levels[-1])
     if np.isnan(value):
         return f"Capture is below {rate}{at} even at {_label(axis)} {_level(axis, first)}."
+    if one.rising:
+        lower = _number(axis, low) if np.isfinite(low) else f"below {_number(axis, first)}"
+        upper = _number(axis, high) if np.isfinite(high) else f"beyond {_number(axis, last)}"
+        where = f"{_label(axis)} {_level(axis, value)} [{lower}, {upper}]"
+        return f"Capture is at or above {rate}{at} from {where} on."
     holds = f"Capture stays at or above {rate}{at} up to"
     if value >= last and np.isinf(high):
         sure = low if np.isfinite(low) else first
@@ -96,7 +101,8 @@ def _level(axis: Axis, level: Any) -> str:
 
 def _number(axis: Axis, level: Any) -> str:
     if isinstance(level, float) and level not in axis.levels:
-        return f"{level * axis.scale:.3g}"
+        shown = level * axis.scale
+        return f"{shown:.0f}" if abs(shown) >= 1000.0 else f"{shown:.3g}"
     return axis.shown(level)
 
 

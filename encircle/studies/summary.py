@@ -67,11 +67,15 @@ class Comparison(NamedTuple):
 
 
 class Tolerated(NamedTuple):
-    """Up to which level of a numeric axis the capture rate stays at or above a given one."""
+    """Up to which level of a numeric axis the capture rate stays at or above a given one.
+
+    ``rising``: from which level on, since the rate is below at the first level and not at the last.
+    """
 
     axis: str
     others: Mapping[str, Any]
     level: Interval
+    rising: bool
 
 
 @dataclass(frozen=True)
@@ -121,8 +125,8 @@ class Summary:
                 continue
             levels = [float(level) for level in axis.levels]
             for others, row in rows_along(self.plan, axis):
-                held = tolerance(levels, self.captured[list(row)], self.plan.tolerated_rate)
-                found.append(Tolerated(axis.name, others, held))
+                held, rising = _held(levels, self.captured[list(row)], self.plan.tolerated_rate)
+                found.append(Tolerated(axis.name, others, held, rising))
         return tuple(found)
 
     def write_csv(self, path: Path) -> None:
@@ -143,6 +147,16 @@ class Summary:
                 levels = [cell.levels[name] for name in names]
                 median_s = f"{cell.survival.median * tick_s:.10g}"
                 writer.writerow([cell.cell, *levels, cell.runs, *numbers, median_s])
+
+
+def _held(levels: list[float], captured: NDArray[np.bool_], rate: float) -> tuple[Interval, bool]:
+    """How far capture holds, and whether that is from a level on rather than up to it."""
+    first, last = captured[0].mean(), captured[-1].mean()
+    if not first < rate <= last:
+        return tolerance(levels, captured, rate), False
+    # From the other end it is a falling rate again.
+    held = tolerance([-level for level in levels[::-1]], captured[::-1], rate)
+    return Interval(-held.value, -held.high, -held.low), True
 
 
 def summarise(plan: Plan, table: StudyTable) -> Summary:
