@@ -73,6 +73,26 @@ def test_another_baseline_turns_the_signs_round(tmp_path, two):
         assert b.rate.mean.value == pytest.approx(-a.rate.mean.value)
 
 
+def test_overall_settings_are_averaged_within_each_seed(two):
+    _, frame, summary = two
+    (overall,) = summary.overall
+    by_seed = frame.pivot_table(index="seed", columns="strategy", values="ticks") * 0.1
+    change = by_seed["xi-0"] - by_seed["xi-star"]
+    assert overall.time_s.mean.value == pytest.approx(change.mean())
+    assert overall.time_s.effect.value == pytest.approx(change.mean() / change.std())
+    assert (overall.settings, overall.time_s.pairs) == (len(LOSS["values"]), 60)
+    shares = frame.pivot_table(index="seed", columns="strategy", values="captured")
+    lost = shares["xi-0"] - shares["xi-star"]
+    assert overall.rate.mean.value == pytest.approx(lost.mean())
+    assert overall.rate.better == (lost > 0).sum()
+
+
+def test_there_is_no_overall_for_a_single_setting(tmp_path):
+    _, _, summary = summed(tmp_path, seeds=5, strategies=["xi-star", "xi-0"])
+    assert summary.overall == ()
+    assert len(summary.comparisons) == 1
+
+
 def test_tolerated_levels_are_those_of_each_setting(two):
     plan, frame, summary = two
     assert [(t.axis, t.others) for t in summary.tolerated] == [
@@ -138,7 +158,7 @@ def test_summary_csv_has_every_number_of_every_cell(tmp_path, two):
 def test_sentences_quote_the_intervals(two):
     _, _, summary = two
     said = findings(summary)
-    assert len(said) == 1 + len(summary.tolerated) + len(summary.comparisons)
+    assert len(said) == 2 + len(summary.tolerated) + len(summary.comparisons)
     best = max(summary.cells, key=lambda cell: cell.rate.value)
     assert f"{100 * best.rate.value:.0f} %" in said[0]
     level = summary.tolerated[0].level
@@ -147,12 +167,12 @@ def test_sentences_quote_the_intervals(two):
     )
     assert quoted in said[1]
     first = summary.comparisons[0].time_s.mean
-    assert f"{first.value:+.3g} [{first.low:+.3g}, {first.high:+.3g}] s" in said[3]
+    assert f"{first.value:+.3g} [{first.low:+.3g}, {first.high:+.3g}] s" in said[4]
 
 
 def test_a_difference_whose_interval_holds_zero_is_undecided(two):
     _, _, summary = two
-    for sentence, one in zip(findings(summary)[3:], summary.comparisons, strict=True):
+    for sentence, one in zip(findings(summary)[4:], summary.comparisons, strict=True):
         for what, interval in (
             ("capture rate", one.rate.mean),
             ("time to capture", one.time_s.mean),

@@ -11,7 +11,7 @@ import numpy as np
 
 from encircle.statistics import Interval
 from encircle.studies.plan import Axis, Plan
-from encircle.studies.summary import Comparison, Summary, Tolerated
+from encircle.studies.summary import Comparison, Overall, Summary, Tolerated
 
 
 def findings(summary: Summary) -> list[str]:
@@ -20,6 +20,7 @@ def findings(summary: Summary) -> list[str]:
     return [
         _range(summary),
         *(_tolerance(plan, one) for one in summary.tolerated),
+        *(_overall(plan, one) for one in summary.overall),
         *(_comparison(plan, one) for one in summary.comparisons),
     ]
 
@@ -68,6 +69,14 @@ def _tolerance(plan: Plan, one: Tolerated) -> str:
 
 
 def _comparison(plan: Plan, one: Comparison) -> str:
+    return _difference(plan, one, _at(plan, one.others))
+
+
+def _overall(plan: Plan, one: Overall) -> str:
+    return _difference(plan, one, f", averaged over {one.settings} settings within each seed")
+
+
+def _difference(plan: Plan, one: Comparison | Overall, where: str) -> str:
     axis = plan.compared
     assert axis is not None
     rate, time = one.rate.mean, one.time_s.mean
@@ -83,7 +92,7 @@ def _comparison(plan: Plan, one: Comparison) -> str:
     effect = one.time_s.effect.value
     size = f", effect size d_z {effect:+.2f}" if np.isfinite(effect) else ""
     against = f"{_level(axis, one.level)} against {_level(axis, one.baseline)}"
-    return f"{against}{_at(plan, one.others)}: {'; '.join(parts)}{size}."
+    return f"{against}{where}: {'; '.join(parts)}{size}."
 
 
 def _at(plan: Plan, others: Mapping[str, Any]) -> str:

@@ -66,6 +66,20 @@ class Comparison(NamedTuple):
     logrank_p: float
 
 
+class Overall(NamedTuple):
+    """One level of the compared axis against the baseline over all settings of the other axes.
+
+    Differences are averaged over the settings within each seed before anything is inferred: seeds
+    are the independent units.
+    """
+
+    level: Any
+    baseline: Any
+    settings: int
+    rate: Difference
+    time_s: Difference
+
+
 class Tolerated(NamedTuple):
     """Up to which level of a numeric axis the capture rate stays at or above a given one.
 
@@ -101,6 +115,29 @@ class Summary:
                 if place != base:
                     found.append(self._compared(axis, others, row[base], cell, base, place))
         return tuple(found)
+
+    @cached_property
+    def overall(self) -> tuple[Overall, ...]:
+        """Every level of the compared axis against the baseline; empty for a single setting."""
+        axis = self.plan.compared
+        rows = [row for _, row in rows_along(self.plan, axis)] if axis is not None else []
+        if axis is None or len(rows) < 2:
+            return ()
+        base, places = baseline_of(self.plan, axis), np.array(rows)
+        captured = self.captured[places].mean(axis=0)
+        seconds = self.ticks * np.array(self.tick_s)[:, None]
+        times = seconds[places].mean(axis=0)
+        return tuple(
+            Overall(
+                axis.levels[place],
+                axis.levels[base],
+                len(rows),
+                paired_difference(captured[base], captured[place], less_is_better=False),
+                paired_difference(times[base], times[place]),
+            )
+            for place in range(len(axis.levels))
+            if place != base
+        )
 
     def _compared(
         self, axis: Axis, others: Mapping[str, Any], a: int, b: int, base: int, place: int
