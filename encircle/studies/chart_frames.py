@@ -161,7 +161,8 @@ def look(axis: Axis | None, number: int, count: int) -> dict[str, Any]:
     return {
         "color": colour,
         "ls": LINES[number % len(LINES)],
-        "marker": MARKERS[number % len(MARKERS)],
+        # Beyond the last colour the colours come round again with other markers.
+        "marker": MARKERS[(number + number // len(COLOURS)) % len(MARKERS)],
     }
 
 

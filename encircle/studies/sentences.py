@@ -85,6 +85,10 @@ def _difference(plan: Plan, one: Comparison | Overall, where: str) -> str:
         ("capture rate", rate, 100.0, "points"),
         ("time to capture", time, 1.0, "s"),
     ):
+        if interval.low == interval.high == 0.0:
+            # Resamples of equal values say nothing of how sure that is.
+            parts.append(f"{what} the same with every seed")
+            continue
         text = f"{Interval(*(scale * v for v in interval)):+.3g} {unit}"
         decided = interval.low > 0.0 or interval.high < 0.0
         word = ("higher" if interval.value > 0 else "lower") if decided else "undecided"
