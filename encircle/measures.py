@@ -53,6 +53,7 @@ MEASURES: Mapping[str, Measure] = _table(
     (radio.age_ticks_mean, "tick"),
     (radio.age_ticks_p95, "tick"),
     (radio.age_ticks_max, "tick"),
+    (radio.age_ticks_mean_worst, "tick"),
     (radio.unheard_share, "1"),
     (radio.delivery_ratio, "1"),
     (radio.delay_ticks_mean, "tick"),

@@ -49,6 +49,11 @@ def age_ticks_max(log: RunLog) -> float:
     return float(ages_ticks(log).max()) if ages_ticks(log).size else NAN
 
 
+def age_ticks_mean_worst(log: RunLog) -> float:
+    """Age of information of the link with the highest mean over ticks."""
+    return float(ages_ticks(log).mean(axis=0).max()) if ages_ticks(log).size else NAN
+
+
 def unheard_share(log: RunLog) -> float:
     """The share of links and ticks before the first delivery, not counting tick 0."""
     return mean_or_nan(_newest_ticks(log)[1:] < 0)

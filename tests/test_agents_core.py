@@ -253,14 +253,14 @@ def test_a_relayed_detection_that_cannot_be_is_refused_and_the_rest_of_the_packe
     assert command.team == ("r1", "r2")
     clean, expected = after_hearing([sound])
     assert replace(command, refused={}) == expected
-    assert robot.core._state == clean.core._state
+    assert robot.core.state == clean.core.state
 
 
 def test_the_own_detections_come_back_and_are_neither_refused_nor_believed():
     robot, command = after_hearing([("r1", 3, 1.0, 1.0), ("r1", 2, 1.0, 1.0)])
     clean, expected = after_hearing([])
     assert command == expected
-    assert robot.core._state == clean.core._state
+    assert robot.core.state == clean.core.state
 
 
 def test_a_packet_is_sifted_anew_by_each_robot_that_gets_it():

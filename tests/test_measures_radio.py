@@ -55,6 +55,7 @@ def test_a_link_over_which_nothing_comes_keeps_ageing():
     dead = 3 * 2 + 2  # links in the order of senders, then receivers, without own ones
     assert radio.ages_ticks(log)[:, dead].tolist() == list(range(1, 10))
     assert radio.age_ticks_mean(log) == pytest.approx((11 * 1 + 5.0) / 12)
+    assert radio.age_ticks_mean_worst(log) == pytest.approx(5.0)
     assert radio.age_ticks_max(log) == 9.0
     assert radio.unheard_share(log) == pytest.approx(1 / 12)
     assert radio.delivery_ratio(log) == pytest.approx(11 / 12)

@@ -26,6 +26,8 @@ def test_starts_are_uniform_within_their_jitter_and_independent_along_both_axes(
     drawn = np.array([np.subtract(starts(scenario, seed), SQUARE).ravel() for seed in range(2000)])
     law = stats.uniform(-0.5, 1.0)
     assert min(stats.kstest(column, law.cdf).pvalue for column in drawn.T) > ALPHA / 8
+    assert stats.kstest(drawn.ravel(), law.cdf).pvalue > ALPHA
+    assert 0.499 < abs(drawn).max() <= 0.5
     bound = stats.norm.isf(ALPHA / 2 / 28) / 2000**0.5
     assert abs(np.corrcoef(drawn.T)[np.triu_indices(8, 1)]).max() < bound
 
@@ -79,6 +81,13 @@ def test_starts_that_could_overlap_are_refused_and_others_never_do(positions, ji
         arena = engine.build(scenario, seed)
         state = engine.initial(arena)
         assert overlapping(state.positions, arena.radii, len(positions) + 1) == []
+
+
+def test_two_robots_can_come_nearer_by_twice_their_jitter():
+    tree = {"team": {"positions": [[3.0, 0.0], [5.0, 0.0]]}}
+    assert load(tree, ["team.jitter_m=0.49"]).ids
+    with pytest.raises(ScenarioError, match=r"team\.positions\.1 .* team\.positions\.0"):
+        load(tree, ["team.jitter_m=0.5"])
 
 
 def test_the_refusal_names_jitter_and_both_places():

@@ -154,6 +154,38 @@ def test_the_highest_feasible_rate_of_bursts_is_taken_and_a_higher_one_refused(r
     assert "channel.loss.rate" in refusal(text.format(rate + 1e-6, length))
 
 
+@pytest.mark.parametrize(
+    ("table", "parts"),
+    [
+        ({"model": "bernoulli", "file": "x.csv"}, ["channel.loss.file = 'x.csv'", "trace"]),
+        ({"file": "x.csv"}, ["channel.loss.file = 'x.csv'", "trace"]),
+        ({"model": "trace", "file": 7}, ["channel.loss.file = 7"]),
+        ({"model": "trace"}, ["channel.loss", "file or values"]),
+        ({"model": "trace", "values": []}, ["channel.loss.values = ()", "at least one row"]),
+        ({"model": "trace", "values": [0, 2]}, ["channel.loss.values.1 = 2"]),
+        ({"model": "trace", "values": [1], "file": "x.csv"}, ["channel.loss.file", "either"]),
+        ({"model": "trace", "mode": "random", "values": [1]}, ["channel.loss.mode = 'random'"]),
+        ({"model": "bernoulli", "values": [1] * 90}, ["channel.loss.values = (1, 1,", "..."]),
+        ({"model": "trace", "values": [1], "rate": 0.5}, ["channel.loss.rate = 0.5", "mode"]),
+        (
+            {"model": "trace", "links": [{"sender": "r1", "receiver": "r2", "values": [1]}] * 2},
+            ["channel.loss.links.1", "r1 -> r2 has rows already", "no rows for r2 -> r1"],
+        ),
+    ],
+)
+def test_a_table_that_asks_for_no_sensible_trace_is_refused(table, parts):
+    with pytest.raises(ScenarioError) as caught:
+        load({"team": {"robots": 2}, "channel": {"loss": table}})
+    assert all(part in str(caught.value) for part in parts), caught.value
+
+
+def test_a_bad_item_of_a_list_hides_no_other_problem():
+    event = "events=[{kind='outage', tick=-1, ticks=3}]"
+    said = refusal(event, "capture.count=9", "team.strategy=none")
+    assert "3 problems" in said
+    assert all(f"  {key} = " in said for key in ("events.0.tick", "capture.count", "team.strategy"))
+
+
 def test_a_table_written_out_as_null_can_be_overridden():
     tree = load(FOUR).model_dump(mode="json")
     assert tree["channel"]["rate_limit"] is None

@@ -61,6 +61,17 @@ def test_packets_leave_when_a_queue_by_the_book_lets_them(
             assert left[0] == pytest.approx(float(exact), abs=1e-9)
 
 
+@pytest.mark.parametrize("takes", ["5/3", "6/5", "7/6", "11/10", "13/7", "17/6"])
+def test_what_leaves_at_a_tick_has_left_though_its_time_is_no_binary_fraction(takes):
+    transmitter, exact = Transmitter(float(Fraction(takes)), 0.0, 2), Fraction(takes)
+    queues, found = idle(transmitter, 1), []
+    for _ in range(300):
+        queues, left, dropped = send(transmitter, queues, np.array([True]), None)
+        found.append(None if dropped[0] else float(left[0]))
+    expected = queued([exact] * 300, 2)
+    assert [left is None for left in found] == [left is None for left in expected]
+
+
 def test_senders_do_not_wait_for_each_other():
     transmitter = Transmitter(2.5, 0.0, 2)
     draws = np.random.default_rng(1).integers(0, 2, (80, 3)).astype(bool)

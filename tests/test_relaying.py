@@ -54,7 +54,7 @@ def hunt(links, sightings, ticks, lost=lambda link, tick: False, **changed):
                 packets[robot] = encode(action.pose, RUN)
         sent = packets
     assert [core.refused for core in cores.values()] == [{}] * 3
-    return {robot: core._state for robot, core in cores.items()}
+    return {robot: core.state for robot, core in cores.items()}
 
 
 def directly(detections, ticks, parameters=P):

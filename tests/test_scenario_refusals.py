@@ -210,12 +210,6 @@ def test_a_scenario_without_a_team_or_with_an_unsized_one_is_refused():
     assert "team: give either robots (a number) or positions" in refusal(tree={"team": {}})
 
 
-def test_a_bad_item_of_a_list_hides_no_other_problem():
-    said = refusal("events.0.tick=0", "capture.count=9", "team.strategy=none", tree=FULL)
-    assert "3 problems" in said
-    assert all(f"  {key} = " in said for key in ("events.0.tick", "capture.count", "team.strategy"))
-
-
 def test_all_bad_values_are_reported_at_once():
     changes = ["tick_s=-1.0", "team.radius_m=0", "colour=1", "channel.loss.rate=2.0"]
     said = refusal(*changes)

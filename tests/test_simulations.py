@@ -223,11 +223,11 @@ def test_in_simulation_5_all_four_policies_fulfil_the_task(strategy, x):
 
 
 GOLDEN = {
-    "sim1": "260dfe239cd3be6e803db5a60ad14eab",
-    "sim2": "a2f8e77f12c57fb6643f4f94788e78e7",
-    "sim3": "2d09a46ea10cde20678734ad4d77fe14",
-    "sim4": "000c63620673f6e2e95b7cbf765d6d6b",
-    "sim5": "d56ac07c83e065c5369ad31c570a3e04",
+    "sim1": "9bd82ee5b9a2e53aab3a173c80f73185",
+    "sim2": "f00bd868252f3eb8d3e903a0323a5792",
+    "sim3": "7c2f08e5f319277b7582a82d4506a86f",
+    "sim4": "c516885443de991dd640e1539294b811",
+    "sim5": "8624221546fb54b88c8b850bfe89d936",
 }
 
 

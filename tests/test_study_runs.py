@@ -126,9 +126,7 @@ def test_the_table_has_every_cell_and_seed_once(reference):
 
 
 def test_a_row_is_what_a_single_hunt_gives(reference):
-    changes = ["team.strategy=pursuit", "channel.loss.rate=0.6"]
-    base = encircle.study(tree()).plan.scenario
-    hunt = encircle.run(base, seed=2, link="memory", overrides=changes)
+    hunt = encircle.run(encircle.study(tree()).plan.scenario_of(3), seed=2, link="memory")
     row = reference[(reference.cell == 3) & (reference.seed == 2)].iloc[0]
     assert row.digest == hunt.digest
     assert (bool(row.captured), row.ticks) == (hunt.captured, hunt.result.ticks)

@@ -7,7 +7,8 @@ from helpers_studies import ARMS, DELAY, LOSS, filled, loss_only, never, study_p
 from scipy import stats
 
 from encircle.studies.plan import STRATEGY
-from encircle.studies.summary import baseline_of, findings, rows_along, summarise, where_text
+from encircle.studies.sentences import findings, where_text
+from encircle.studies.summary import baseline_of, rows_along, summarise
 
 TWO = {"axes": [LOSS], "strategies": ["xi-star", "xi-0"], "seeds": 60}
 
@@ -72,6 +73,26 @@ def test_another_baseline_turns_the_signs_round(tmp_path, two):
         assert b.rate.mean.value == pytest.approx(-a.rate.mean.value)
 
 
+def test_overall_settings_are_averaged_within_each_seed(two):
+    _, frame, summary = two
+    (overall,) = summary.overall
+    by_seed = frame.pivot_table(index="seed", columns="strategy", values="ticks") * 0.1
+    change = by_seed["xi-0"] - by_seed["xi-star"]
+    assert overall.time_s.mean.value == pytest.approx(change.mean())
+    assert overall.time_s.effect.value == pytest.approx(change.mean() / change.std())
+    assert (overall.settings, overall.time_s.pairs) == (len(LOSS["values"]), 60)
+    shares = frame.pivot_table(index="seed", columns="strategy", values="captured")
+    lost = shares["xi-0"] - shares["xi-star"]
+    assert overall.rate.mean.value == pytest.approx(lost.mean())
+    assert overall.rate.better == (lost > 0).sum()
+
+
+def test_there_is_no_overall_for_a_single_setting(tmp_path):
+    _, _, summary = summed(tmp_path, seeds=5, strategies=["xi-star", "xi-0"])
+    assert summary.overall == ()
+    assert len(summary.comparisons) == 1
+
+
 def test_tolerated_levels_are_those_of_each_setting(two):
     plan, frame, summary = two
     assert [(t.axis, t.others) for t in summary.tolerated] == [
@@ -83,6 +104,21 @@ def test_tolerated_levels_are_those_of_each_setting(two):
     levels = LOSS["values"]
     assert first_below > 0
     assert levels[first_below - 1] <= summary.tolerated[0].level.value <= levels[first_below]
+
+
+def test_where_capture_rises_with_the_axis_it_is_told_from_where_on(tmp_path):
+    def turned(levels):
+        return loss_only({"loss": 0.8 - levels["loss"]})
+
+    _, _, up = summed(tmp_path, turned, axes=[LOSS], seeds=60)
+    (rising,) = up.tolerated
+    assert rising.rising
+    rates = [cell.rate.value for cell in up.cells]
+    above = next(k for k, rate in enumerate(rates) if rate >= 0.9)
+    assert LOSS["values"][above - 1] <= rising.level.value <= LOSS["values"][above]
+    assert rising.level.low <= rising.level.value <= rising.level.high
+    assert f"from packet loss {100 * rising.level.value:.3g} %" in findings(up)[1]
+    assert findings(up)[1].endswith(" on.")
 
 
 def test_rows_along_an_axis_are_every_cell_once():
@@ -122,18 +158,21 @@ def test_summary_csv_has_every_number_of_every_cell(tmp_path, two):
 def test_sentences_quote_the_intervals(two):
     _, _, summary = two
     said = findings(summary)
-    assert len(said) == 1 + len(summary.tolerated) + len(summary.comparisons)
+    assert len(said) == 2 + len(summary.tolerated) + len(summary.comparisons)
     best = max(summary.cells, key=lambda cell: cell.rate.value)
     assert f"{100 * best.rate.value:.0f} %" in said[0]
     level = summary.tolerated[0].level
-    assert f"packet loss of {100 * level.value:.6g}"[:20] in said[1]
+    quoted = (
+        f"packet loss {100 * level.value:.3g} % [{100 * level.low:.3g}, {100 * level.high:.3g}]"
+    )
+    assert quoted in said[1]
     first = summary.comparisons[0].time_s.mean
-    assert f"{first.value:+.3g} [{first.low:+.3g}, {first.high:+.3g}] s" in said[3]
+    assert f"{first.value:+.3g} [{first.low:+.3g}, {first.high:+.3g}] s" in said[4]
 
 
 def test_a_difference_whose_interval_holds_zero_is_undecided(two):
     _, _, summary = two
-    for sentence, one in zip(findings(summary)[3:], summary.comparisons, strict=True):
+    for sentence, one in zip(findings(summary)[4:], summary.comparisons, strict=True):
         for what, interval in (
             ("capture rate", one.rate.mean),
             ("time to capture", one.time_s.mean),
@@ -146,7 +185,7 @@ def test_nothing_captured_is_said_as_it_is(tmp_path):
     _, _, summary = summed(tmp_path, never, axes=[LOSS], seeds=20)
     said = " ".join(findings(summary))
     assert "0 % [0, 16]" in said  # Wilson: 3.8416 / (20 + 3.8416)
-    assert "Capture stays below 90 % even at a packet loss of 0 %" in said
+    assert "Capture is below 90 % even at packet loss 0 %" in said
     assert all(np.isnan(cell.survival.median) for cell in summary.cells)
     assert all(cell.time_s.value == cell.limit_s for cell in summary.cells)
 
@@ -155,7 +194,7 @@ def test_one_cell_and_one_seed_can_be_summed_up(tmp_path):
     _, _, summary = summed(tmp_path, seeds=1)
     assert summary.comparisons == ()
     assert summary.tolerated == ()
-    assert "of 1 runs" in findings(summary)[0]
+    assert "of 1 run." in findings(summary)[0]
 
 
 def test_levels_are_told_as_a_person_reads_them():

@@ -195,31 +195,6 @@ def test_a_file_lies_beside_the_scenario_or_in_the_working_directory(tmp_path, m
     assert loss_of(beside / "trace.csv").values == (1,)
 
 
-@pytest.mark.parametrize(
-    ("table", "parts"),
-    [
-        ({"model": "bernoulli", "file": "x.csv"}, ["channel.loss.file = 'x.csv'", "trace"]),
-        ({"file": "x.csv"}, ["channel.loss.file = 'x.csv'", "trace"]),
-        ({"model": "trace", "file": 7}, ["channel.loss.file = 7"]),
-        ({"model": "trace"}, ["channel.loss", "file or values"]),
-        ({"model": "trace", "values": []}, ["channel.loss.values = ()", "at least one row"]),
-        ({"model": "trace", "values": [0, 2]}, ["channel.loss.values.1 = 2"]),
-        ({"model": "trace", "values": [1], "file": "x.csv"}, ["channel.loss.file", "either"]),
-        ({"model": "trace", "mode": "random", "values": [1]}, ["channel.loss.mode = 'random'"]),
-        ({"model": "bernoulli", "values": [1] * 90}, ["channel.loss.values = (1, 1,", "..."]),
-        ({"model": "trace", "values": [1], "rate": 0.5}, ["channel.loss.rate = 0.5", "mode"]),
-        (
-            {"model": "trace", "links": [{"sender": "r1", "receiver": "r2", "values": [1]}] * 2},
-            ["channel.loss.links.1", "r1 -> r2 has rows already", "no rows for r2 -> r1"],
-        ),
-    ],
-)
-def test_a_table_that_asks_for_no_sensible_trace_is_refused(table, parts):
-    with pytest.raises(ScenarioError) as caught:
-        load({**TWO, "channel": {"loss": table}})
-    assert all(part in str(caught.value) for part in parts), caught.value
-
-
 def test_all_that_is_wrong_is_said_at_once(tmp_path):
     said = refusal(written(tmp_path, "lost\n7\n"), "loss", "tick_s=-1", "channel.delay.rate=1")
     assert "3 problems" in said

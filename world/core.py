@@ -8,7 +8,6 @@ and recording, and is to be called after the outgoing messages were sent.
 """
 
 import hashlib
-import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol import VERSION
 from protocol.codec import Message, begins_canonically, body_of, decode, decode_pose, encode, packed
 from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key, world_key
@@ -25,6 +23,7 @@ from protocol.messages import Command, End, Observation, Point, Pose, Radio, Set
 from world import channel as radio
 from world import engine
 from world.result import Result
+from world.scenario import digest_header
 
 Outgoing = list[tuple[str, bytes]]
 Record = Callable[[int, str, bytes], None]
@@ -79,12 +78,7 @@ class WorldCore:
         self._packets_copied = 0
         self._lost: Counter[int] = Counter()
         self._contacts = 0
-        # Without what is at its default: keys that a later version adds change no digest.
-        configuration = arena.scenario.model_dump(
-            mode="json", exclude={"title", "description", "seed"}, exclude_defaults=True
-        )
-        header = {"version": VERSION, "seed": arena.seed, "scenario": configuration}
-        self._digest.update(json.dumps(header, sort_keys=True).encode())
+        self._digest.update(digest_header(arena.scenario, arena.seed).encode())
 
     def join(self, robot: str) -> Outgoing:
         """A robot is there: its setup. ``OutOfTurn`` if it is not of the team or joined before."""

@@ -11,7 +11,7 @@ from typing import Any
 from protocol import VERSION
 from world.recorder import Recorder
 from world.result import Result
-from world.scenario import Scenario
+from world.scenario import Scenario, digest_header
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
@@ -58,6 +58,7 @@ def start_recording(path: Path, scenario: Scenario, run: str) -> Recorder:
         "run": run,
         "seed": str(scenario.seed),
         "scenario": scenario.model_dump_json(),
+        "digest_header": digest_header(scenario, scenario.seed),
         "versions": json.dumps(versions()),
     }
     try:

@@ -5,6 +5,7 @@ refused, all of them at once, each with its key and its value. Units are in the 
 ``tick_s`` long.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from math import asin, floor, pi
@@ -13,6 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
+from protocol import VERSION
 from world.checks import problems_of
 from world.fields import ROBOTS_MAX, Length, Model, Position, shown
 from world.radio_model import ChannelModel, Delay, Loss, Outage, Partition, Silence
@@ -194,6 +196,16 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
     if problems := problems + scenario.problems():
         raise ScenarioError(_listed(name, problems))
     return scenario
+
+
+def digest_header(scenario: Scenario, seed: int) -> str:
+    """What the digest of a run begins with: its configuration, as JSON.
+
+    Without what is at its default: keys that a later version adds change no digest.
+    """
+    words = {"title", "description", "seed"}
+    changed = scenario.model_dump(mode="json", exclude=words, exclude_defaults=True)
+    return json.dumps({"version": VERSION, "seed": seed, "scenario": changed}, sort_keys=True)
 
 
 def _path(location: Sequence[str | int]) -> list[str]:

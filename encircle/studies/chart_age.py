@@ -24,6 +24,7 @@ from encircle.studies.chart_frames import (
     add_legend,
     bars_of,
     colour_scale,
+    fitted,
     is_log,
     legend_of,
     scaled,
@@ -149,7 +150,7 @@ def _draw_cells(
 def _add_colour_bar(figure: Figure, panels: Sequence[Axes], first: Axis) -> None:
     scale = colour_scale(first)
     bar = figure.colorbar(ScalarMappable(scale, MAP), ax=list(panels), aspect=25)
-    bar.set_label(first.title)
+    bar.set_label(fitted(first, HEIGHT_IN - 0.5))
     if is_log(scaled(first)):
         bar.ax.yaxis.set_major_formatter(lambda value, _place: f"{value:g}")
 

@@ -27,7 +27,6 @@ from encircle.studies.chart_lines import limit_text
 from encircle.studies.plan import Axis
 from encircle.studies.summary import Comparison, Summary, baseline_of
 from encircle.studies.views import (
-    LINES_MAX,
     evenly,
     evenly_of,
     held_text,
@@ -38,8 +37,9 @@ from encircle.studies.views import (
     wrapped,
 )
 
-ROW_IN, GROUP_IN, NAME_LINE_IN, AROUND_IN = 0.14, 0.1, 0.14, 0.75
+ROW_IN, GROUP_IN, NAME_LINE_IN, AROUND_IN = 0.14, 0.1, 0.14, 0.9
 NAME_COLUMNS = 26
+LEVELS_MAX = 8
 RATE_SPAN_MIN, TIME_SPAN_MIN = 5.0, 0.02
 """The least reach of the scales about zero, in points and as a share of the limit."""
 
@@ -63,7 +63,7 @@ def draw_differences(summary: Summary) -> Drawn | None:
         names = [level_text(axis, levels[k]) for k in shown_first]
         places: list[int] = []
     else:
-        chosen = evenly_of(shown_first, LINES_MAX)
+        chosen = evenly_of(shown_first, LEVELS_MAX)
         starts = range(0, len(found), len(levels))
         groups = [[found[start + k] for k in chosen] for start in starts]
         names = [held_text(plan, setting) for setting in settings]
@@ -117,8 +117,8 @@ def _draw(
         axes.tick_params(axis="y", length=0)
         axes.locator_params(axis="x", nbins=6)
     panels[0].set_yticks(np.arange(len(rows)) + 0.5, names)
-    panels[0].set_xlabel("difference in capture rate\n(percentage points; right is better)")
-    panels[1].set_xlabel("difference in restricted mean time\n(s; left is better)")
+    panels[0].set_xlabel("difference in\ncapture rate (points)\nright is better")
+    panels[1].set_xlabel("difference in\nrestricted mean time (s)\nleft is better")
     add_legend(figure, legend)
     return figure
 

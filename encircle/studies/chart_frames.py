@@ -25,10 +25,10 @@ from numpy.typing import ArrayLike, NDArray
 from encircle.drawing import COLOURS, DOTS_PER_INCH, LINES, MARKERS, STYLE, WIDTH_IN
 from encircle.statistics import Interval
 from encircle.studies.plan import Axis
-from encircle.studies.views import level_text, ordered, wrapped
+from encircle.studies.views import CUT, level_text, ordered, wrapped
 
 COLUMN_IN = 3.5
-EDGE_IN, TEXT_LINE_IN, LETTER_IN, KEY_IN = 0.3, 0.165, 0.068, 0.45
+EDGE_IN, TEXT_LINE_IN, LETTER_IN, LABEL_LETTER_IN, KEY_IN = 0.3, 0.165, 0.068, 0.072, 0.45
 TALL_IN = 8.0
 """The height above which rows of names are left out."""
 
@@ -129,6 +129,14 @@ def frame(
     return figure, used
 
 
+def fitted(axis: Axis, room_in: float) -> str:
+    """An axis' title on lines of a length; if it is too long even so, its name and unit."""
+    text = wrapped(axis.title, max(8, int(room_in / LABEL_LETTER_IN)))
+    if not text.endswith(CUT):
+        return text
+    return axis.name + (f" ({axis.unit})" if axis.unit else "")
+
+
 def outer_labels(panels: Sequence[Axes]) -> None:
     """Leave the labels of axes to the panels at the edge; above an empty place is an edge too."""
     for place, axes in enumerate(panels):
@@ -153,7 +161,8 @@ def look(axis: Axis | None, number: int, count: int) -> dict[str, Any]:
     return {
         "color": colour,
         "ls": LINES[number % len(LINES)],
-        "marker": MARKERS[number % len(MARKERS)],
+        # Beyond the last colour the colours come round again with other markers.
+        "marker": MARKERS[(number + number // len(COLOURS)) % len(MARKERS)],
     }
 
 

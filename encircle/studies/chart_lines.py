@@ -17,6 +17,7 @@ from encircle.studies.chart_frames import (
     Floats,
     beside,
     draw_points,
+    fitted,
     frame,
     line_handles,
     look,
@@ -81,6 +82,7 @@ def draw_against(summary: Summary, along: Axis, quantity: Quantity) -> Drawn:
     titles = [shape.title(setting) for setting in shape.settings]
     crowded = along.numeric and count * len(rows) > CROWDED_POINTS
     figure, panels = frame(titles, high_in, legend, crowded)
+    width_in = panels[0].bbox.width / figure.dpi
     for axes, setting in zip(panels, shape.settings, strict=True):
         for number, line in enumerate(shape.places):
             cells = [summary.cells[shape.cell(setting, line, place)] for place in rows]
@@ -88,7 +90,7 @@ def draw_against(summary: Summary, along: Axis, quantity: Quantity) -> Drawn:
             style = look(shape.lines, number, count)
             draw_points(axes, at, [quantity.interval(cell) for cell in cells], style, along.numeric)
         if along.numeric:
-            axes.set_xlabel(along.title)
+            axes.set_xlabel(fitted(along, width_in))
             set_scale(axes, scaled(along))
         else:
             axes.set_yticks(range(len(names)), names)

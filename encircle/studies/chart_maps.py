@@ -14,7 +14,7 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
 from encircle.drawing import DOTS_PER_INCH, WIDTH_IN
-from encircle.studies.chart_frames import LETTER_IN, MAP, Drawn, Floats
+from encircle.studies.chart_frames import LETTER_IN, MAP, Drawn, Floats, fitted
 from encircle.studies.chart_lines import RATE, TIME, Quantity, limit_text, runs_text
 from encircle.studies.plan import Axis
 from encircle.studies.summary import Summary
@@ -33,7 +33,7 @@ LEVELS_MIN = 3
 MAPS_MAX = 6
 BESIDE_MAX = 8
 ROW_IN, MAP_IN_MIN, MAP_IN_MAX, AROUND_IN, LEFT_IN = 0.32, 1.1, 6.0, 1.15, 0.7
-NUMBER_PT, NUMBER_PT_MIN = 7.5, 5.0
+NUMBER_PT, NUMBER_PT_MIN, LINE_PT = 7.5, 5.0, 12.0
 LETTER_EM = 0.62
 LIGHT_MIN = 0.18
 """The luminance above which black is easier to read than white (WCAG 2, relative luminance)."""
@@ -73,7 +73,9 @@ def _draw_pair(summary: Summary, along: Axis, up: Axis, setting: Places, name: s
             [[quantity.interval(summary.cells[c]).value for c in row] for row in rows]
         )
         _draw_map(figure, axes, summary, values, quantity)
-        _name_levels(axes, along, up, room_pt)
+        _name_levels(axes, along, up, room_pt, 72.0 * map_in)
+        axes.set_xlabel(fitted(along, room_pt * len(along.levels) / 72.0))
+        axes.set_ylabel(fitted(up, map_in))
         texts = _numbers(summary, values, quantity)
         letters = LETTER_EM * max(len(text) for row in texts for text in row) + 0.5
         size_pt = min(NUMBER_PT, room_pt / letters, 0.75 * 72.0 * map_in / len(rows))
@@ -136,11 +138,14 @@ def _print_numbers(
         axes.text(*place, texts[y][x], ha="center", va="center", fontsize=size_pt, color=colour)
 
 
-def _name_levels(axes: Axes, along: Axis, up: Axis, room_pt: float) -> None:
+def _name_levels(axes: Axes, along: Axis, up: Axis, room_pt: float, high_pt: float) -> None:
+    """Name the levels, or as many as fit; ``room_pt`` for each along x, ``high_pt`` for all up."""
     names = [level_text(along, place) for place in ordered(along)]
     crowded = max(map(len, names)) * 72.0 * LETTER_IN > room_pt
-    axes.set_xticks(np.arange(len(names)) + 0.5, names, rotation=90 if crowded else 0)
+    named = evenly(len(names), int(room_pt * len(names) / LINE_PT) if crowded else len(names))
+    shown = [names[k] for k in named]
+    axes.set_xticks(np.array(named) + 0.5, shown, rotation=90 if crowded else 0)
     names = [level_text(up, place) for place in ordered(up)]
-    axes.set_yticks(np.arange(len(names)) + 0.5, names)
+    named = evenly(len(names), int(high_pt / LINE_PT))
+    axes.set_yticks(np.array(named) + 0.5, [names[k] for k in named])
     axes.tick_params(length=0)
-    axes.set(xlabel=along.title, ylabel=up.title)

@@ -21,8 +21,9 @@ from rich.progress import (
 
 from encircle.studies.plan import load_plan
 from encircle.studies.report import write_report
+from encircle.studies.sentences import findings
 from encircle.studies.study import Study
-from encircle.studies.summary import findings, summarise
+from encircle.studies.summary import summarise
 from encircle.studies.workers import StudyFailed
 
 
@@ -70,8 +71,8 @@ def run_study(request: Request) -> dict[str, Any]:
 
         ran = _run(study, request, tell, done)
     with closing(study.open()) as table:
-        report = write_report(plan, table, study.directory, request.command)
         summary = summarise(plan, table)
+        report = write_report(plan, table, study.directory, request.command, summary=summary)
     return {
         "study": plan.name,
         "cells": len(plan.cells),

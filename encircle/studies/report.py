@@ -14,12 +14,13 @@ from encircle.studies import page
 from encircle.studies.charts import FIGURES, Chart, write_charts
 from encircle.studies.plan import Plan
 from encircle.studies.report_tables import CSV, many, measures, tables
-from encircle.studies.summary import Summary, findings, summarise
+from encircle.studies.sentences import findings
+from encircle.studies.summary import Summary, summarise
 from encircle.studies.table import OWNER, TABLE, StudyTable
-from encircle.studies.words import axis_rows, base_scenario, set_up
+from encircle.studies.words import axis_rows, set_up
 
 REPORT = "report.html"
-FINDINGS_SHOWN, VALUES_MAX = 16, 40
+FINDINGS_SHOWN, FINDINGS_MAX, VALUES_MAX = 16, 1000, 40
 
 
 def write_report(
@@ -71,7 +72,9 @@ def _findings(summary: Summary) -> list[str]:
     sentences = findings(summary)
     found = [page.heading("Findings"), page.bullets(sentences[:FINDINGS_SHOWN])]
     if more := sentences[FINDINGS_SHOWN:]:
-        found.append(page.folded(f"{many(len(more), 'more finding')}", [page.bullets(more)]))
+        cut = f", {FINDINGS_MAX} of them here" if len(more) > FINDINGS_MAX else ""
+        told = f"{many(len(more), 'more finding')}{cut}"
+        found.append(page.folded(told, [page.bullets(more[:FINDINGS_MAX])]))
     note = "In brackets: 95 % intervals."
     if count := len(summary.comparisons):
         note += (
@@ -82,16 +85,17 @@ def _findings(summary: Summary) -> list[str]:
 
 
 def _set_up(plan: Plan) -> list[str]:
-    base = base_scenario(plan).model_dump(mode="json", exclude={"seed"})
+    tree = plan.scenario_of(0).model_dump(mode="json", exclude={"seed"})
+    which = "The scenario, all axes at their first level" if plan.all_axes else "The scenario"
     found = [page.heading("Set-up")]
     if plan.all_axes:
         axes = ("Axis", "Key", "Levels")
         found.append(page.table("What is varied", axes, axis_rows(plan), kind="words"))
-    found.append(page.table("The base scenario", ("What", "How it is"), set_up(plan), kind="words"))
-    shown = _shortened(base)
-    cut = f"; {OWNER} has the lists that are cut short" if shown != base else ""
+    found.append(page.table(which, ("What", "How it is"), set_up(plan), kind="words"))
+    shown = _shortened(tree)
+    cut = f"; {OWNER} has the lists that are cut short" if shown != tree else ""
     text = json.dumps(shown, indent=2, ensure_ascii=False)
-    told = f"The base scenario in full, defaults included{cut}"
+    told = f"{which}, in full, defaults included{cut}"
     return [*found, page.folded(told, [page.preformatted(text)])]
 
 

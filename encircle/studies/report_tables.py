@@ -11,7 +11,8 @@ from encircle.measures import MEASURES
 from encircle.statistics import Interval
 from encircle.studies import page
 from encircle.studies.plan import Plan
-from encircle.studies.summary import Comparison, Summary, Tolerated, where_text
+from encircle.studies.sentences import where_text
+from encircle.studies.summary import Comparison, Summary, Tolerated
 from encircle.studies.views import label, varied
 
 CSV = "summary.csv"
@@ -92,7 +93,7 @@ def _tolerances(summary: Summary) -> str:
         axis = next(axis for axis in plan.all_axes if axis.name == one.axis)
         held = where_text(plan, {a.name: one.others[a.name] for a in varied(plan) if a is not axis})
         rows.append((axis.title, held or NONE, *_tolerance(plan, one)))
-    caption = f"Up to which level the capture rate stays at or above {rate}"
+    caption = f"Up to which level the capture rate stays at or above {rate}, or from which on"
     head = ("Axis", "At", "Level", "95 % interval")
     return page.table(caption + _cut(len(summary.tolerated), ROWS_MAX), head, rows, 2)
 
@@ -106,7 +107,7 @@ def _tolerance(plan: Plan, one: Tolerated) -> tuple[str, str]:
     level = f"{value:.3g}" if np.isfinite(value) else f"none (below from {first} on)"
     if np.isinf(high) and value == float(axis.column(len(axis.levels) - 1)) * axis.scale:
         level = f"{last}, the last"
-    return level, f"[{lower}, {upper}]"
+    return f"from {level} on" if one.rising else level, f"[{lower}, {upper}]"
 
 
 def measures(summary: Summary) -> list[str]:
@@ -140,16 +141,15 @@ def _measures_beside(summary: Summary, names: Sequence[str]) -> str:
 def _measured(summary: Summary, name: str) -> str:
     """One measure's own table, a row for each cell."""
     plan, measure = summary.plan, MEASURES[name]
+    unit = f" ({measure.unit})" if measure.unit != "1" else ""
     rows = [
         (*_levels(plan, cell.cell), _interval(cell.means[name], ".4g"))
         for cell in summary.cells[:MEASURED_ROWS_MAX]
     ]
-    head = [*(axis.title for axis in plan.all_axes), f"Mean ({measure.unit})"]
+    head = [*(axis.title for axis in plan.all_axes), f"Mean{unit}"]
     caption = f"{name}: {measure.description} Means over runs, with 95 % intervals"
     caption += _cut(len(summary.cells), MEASURED_ROWS_MAX)
-    return page.folded(
-        f"{name} ({measure.unit})", [page.table(caption, head, rows, len(plan.all_axes))]
-    )
+    return page.folded(f"{name}{unit}", [page.table(caption, head, rows, len(plan.all_axes))])
 
 
 def _levels(plan: Plan, cell: int) -> tuple[str, ...]:

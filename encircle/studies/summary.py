@@ -1,9 +1,7 @@
 """What a study's table says: each cell, levels against each other, how much is tolerated.
 
 Statistics are ``encircle.statistics``'s. Cells are read from the table one at a time and only the
-columns needed, so a summary takes no more memory for a long table than for a short one. The
-sentences of ``findings`` are made from the numbers alone: a difference whose interval holds zero is
-said to be undecided, never absent.
+columns needed, so a summary takes no more memory for a long table than for a short one.
 """
 
 import csv
@@ -68,12 +66,30 @@ class Comparison(NamedTuple):
     logrank_p: float
 
 
+class Overall(NamedTuple):
+    """One level of the compared axis against the baseline over all settings of the other axes.
+
+    Differences are averaged over the settings within each seed before anything is inferred: seeds
+    are the independent units.
+    """
+
+    level: Any
+    baseline: Any
+    settings: int
+    rate: Difference
+    time_s: Difference
+
+
 class Tolerated(NamedTuple):
-    """Up to which level of a numeric axis the capture rate stays at or above a given one."""
+    """Up to which level of a numeric axis the capture rate stays at or above a given one.
+
+    ``rising``: from which level on, since the rate is below at the first level and not at the last.
+    """
 
     axis: str
     others: Mapping[str, Any]
     level: Interval
+    rising: bool
 
 
 @dataclass(frozen=True)
@@ -100,6 +116,29 @@ class Summary:
                     found.append(self._compared(axis, others, row[base], cell, base, place))
         return tuple(found)
 
+    @cached_property
+    def overall(self) -> tuple[Overall, ...]:
+        """Every level of the compared axis against the baseline; empty for a single setting."""
+        axis = self.plan.compared
+        rows = [row for _, row in rows_along(self.plan, axis)] if axis is not None else []
+        if axis is None or len(rows) < 2:
+            return ()
+        base, places = baseline_of(self.plan, axis), np.array(rows)
+        captured = self.captured[places].mean(axis=0)
+        seconds = self.ticks * np.array(self.tick_s)[:, None]
+        times = seconds[places].mean(axis=0)
+        return tuple(
+            Overall(
+                axis.levels[place],
+                axis.levels[base],
+                len(rows),
+                paired_difference(captured[base], captured[place], less_is_better=False),
+                paired_difference(times[base], times[place]),
+            )
+            for place in range(len(axis.levels))
+            if place != base
+        )
+
     def _compared(
         self, axis: Axis, others: Mapping[str, Any], a: int, b: int, base: int, place: int
     ) -> Comparison:
@@ -123,8 +162,8 @@ class Summary:
                 continue
             levels = [float(level) for level in axis.levels]
             for others, row in rows_along(self.plan, axis):
-                held = tolerance(levels, self.captured[list(row)], self.plan.tolerated_rate)
-                found.append(Tolerated(axis.name, others, held))
+                held, rising = _held(levels, self.captured[list(row)], self.plan.tolerated_rate)
+                found.append(Tolerated(axis.name, others, held, rising))
         return tuple(found)
 
     def write_csv(self, path: Path) -> None:
@@ -145,6 +184,16 @@ class Summary:
                 levels = [cell.levels[name] for name in names]
                 median_s = f"{cell.survival.median * tick_s:.10g}"
                 writer.writerow([cell.cell, *levels, cell.runs, *numbers, median_s])
+
+
+def _held(levels: list[float], captured: NDArray[np.bool_], rate: float) -> tuple[Interval, bool]:
+    """How far capture holds, and whether that is from a level on rather than up to it."""
+    first, last = captured[0].mean(), captured[-1].mean()
+    if not first < rate <= last:
+        return tolerance(levels, captured, rate), False
+    # From the other end it is a falling rate again.
+    held = tolerance([-level for level in levels[::-1]], captured[::-1], rate)
+    return Interval(-held.value, -held.high, -held.low), True
 
 
 def summarise(plan: Plan, table: StudyTable) -> Summary:
@@ -195,75 +244,3 @@ def baseline_of(plan: Plan, axis: Axis) -> int:
     """Place of the level that the others are compared with: the plan's, or the first."""
     named = [k for k, level in enumerate(axis.levels) if str(level) == plan.baseline]
     return named[0] if named else 0
-
-
-def findings(summary: Summary) -> list[str]:
-    """Plain sentences, each with the interval that it rests on."""
-    plan = summary.plan
-    found = [_range_sentence(summary)]
-    found += [_tolerance_sentence(plan, one) for one in summary.tolerated]
-    if plan.compared is not None:
-        found += [_comparison_sentence(plan, one) for one in summary.comparisons]
-    return found
-
-
-def where_text(plan: Plan, levels: Mapping[str, Any]) -> str:
-    """Levels as a person reads them: ``packet loss 30 %, strategy xi-0``."""
-    parts = []
-    for axis in plan.all_axes:
-        if axis.name in levels:
-            label, unit = axis.label or axis.name, f" {axis.unit}" if axis.unit else ""
-            parts.append(f"{label} {axis.shown(levels[axis.name])}{unit}")
-    return ", ".join(parts)
-
-
-def _range_sentence(summary: Summary) -> str:
-    best = max(summary.cells, key=lambda cell: cell.rate.value)
-    worst = min(summary.cells, key=lambda cell: cell.rate.value)
-    if len(summary.cells) == 1:
-        return f"The target is captured in {_percent(best.rate)} of {best.runs} runs."
-    low, high = (
-        f"{_percent(cell.rate)} ({where_text(summary.plan, cell.levels)})" for cell in (worst, best)
-    )
-    return f"The capture rate goes from {low} to {high}, {best.runs} runs each."
-
-
-def _tolerance_sentence(plan: Plan, one: Tolerated) -> str:
-    axis = next(a for a in plan.all_axes if a.name == one.axis)
-    unit = f" {axis.unit}" if axis.unit else ""
-    label = axis.label or axis.name
-    at = f" at {where_text(plan, one.others)}" if one.others else ""
-    rate = f"{100 * plan.tolerated_rate:g} %"
-    value, low, high = one.level
-    first, last = float(axis.levels[0]), float(axis.levels[-1])
-    shown = [axis.shown(round(v, 6)) if np.isfinite(v) else "" for v in (value, low, high)]
-    if np.isnan(value):
-        return f"Capture stays below {rate}{at} even at a {label} of {axis.shown(first)}{unit}."
-    holds = f"Capture stays at or above {rate}{at} up to"
-    if value >= last and np.isinf(high):
-        below = f" (95 % sure up to {shown[1]}{unit})" if shown[1] and low < last else ""
-        return f"{holds} the largest {label} tried, {shown[0]}{unit}{below}."
-    lower = shown[1] or f"below {axis.shown(first)}"
-    upper = shown[2] or f"beyond {axis.shown(last)}"
-    return f"{holds} a {label} of {shown[0]}{unit} [{lower}, {upper}]."
-
-
-def _comparison_sentence(plan: Plan, one: Comparison) -> str:
-    at = f" at {where_text(plan, one.others)}" if one.others else ""
-    rate, time = one.rate.mean, one.time_s.mean
-    parts = []
-    for what, interval, scale, unit in (
-        ("capture rate", rate, 100.0, "points"),
-        ("time to capture", time, 1.0, "s"),
-    ):
-        text = f"{Interval(*(scale * v for v in interval)):+.3g} {unit}"
-        decided = interval.low > 0.0 or interval.high < 0.0
-        word = ("higher" if interval.value > 0 else "lower") if decided else "undecided"
-        parts.append(f"{what} {word} ({text})")
-    effect = one.time_s.effect.value
-    size = f", effect size d_z {effect:+.2f}" if np.isfinite(effect) else ""
-    return f"{one.level} against {one.baseline}{at}: {'; '.join(parts)}{size}."
-
-
-def _percent(rate: Interval) -> str:
-    return f"{100 * rate.value:.0f} % [{100 * rate.low:.0f}, {100 * rate.high:.0f}]"

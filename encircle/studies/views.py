@@ -14,8 +14,9 @@ from encircle.studies.plan import Axis, Plan
 
 LINES_MAX = 6
 PANELS_MAX = 6
-ROWS_MAX = 40
 TEXT_LINES_MAX = 3
+LABEL_MAX = 30
+CUT = "\N{HORIZONTAL ELLIPSIS}"
 UNBROKEN, UNBROKEN_MAX = "\N{NO-BREAK SPACE}", 24
 
 Places = Mapping[str, int]
@@ -119,11 +120,15 @@ def label(axis: Axis) -> str:
 
 
 def level_text(axis: Axis, place: int, named: bool = False) -> str:
-    """A level as a person reads it; ``named``: with the axis' name and unit."""
+    """A level as a person reads it; ``named``: with the axis' label and unit.
+
+    An axis with a label too long for that goes by its name.
+    """
     text = axis.shown(axis.column(place))
     if not named:
         return text
-    text = f"{label(axis)} {text}" + (f" {axis.unit}" if axis.unit else "")
+    called = label(axis) if len(label(axis)) <= LABEL_MAX else axis.name
+    text = f"{called} {text}" + (f" {axis.unit}" if axis.unit else "")
     return text.replace(" ", UNBROKEN) if len(text) <= UNBROKEN_MAX else text
 
 
@@ -138,7 +143,7 @@ def held_text(plan: Plan, places: Places) -> str:
 
 def wrapped(text: str, columns: int) -> str:
     """Text on as many lines as it needs, cut off after ``TEXT_LINES_MAX``."""
-    lines = textwrap.wrap(text, columns, max_lines=TEXT_LINES_MAX, placeholder=" …")
+    lines = textwrap.wrap(text, columns, max_lines=TEXT_LINES_MAX, placeholder=f" {CUT}")
     return "\n".join(lines)
 
 

@@ -1,5 +1,6 @@
-"""A study's set-up in words: the base scenario, what is varied, which seeds.
+"""A study's set-up in words: the scenario of its first cell, what is varied, which seeds.
 
+The first cell and not the base, as a base need not be whole without the levels of the axes.
 What is said of the radio and of events is made from whatever their models hold that is not a
 default, so that a new model of loss needs no new words here.
 """
@@ -9,21 +10,16 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from encircle.studies.plan import Axis, Plan, toml
+from encircle.studies.plan import Axis, Plan
 from encircle.studies.views import label, level_text
-from world.scenario import Scenario, load
+from world.scenario import Scenario
 
 ITEMS_MAX = 12
 
 
-def base_scenario(plan: Plan) -> Scenario:
-    """The scenario that a study varies."""
-    return load(plan.scenario, [f"{key}={toml(value)}" for key, value in plan.set.items()])
-
-
 def set_up(plan: Plan) -> list[tuple[str, str]]:
-    """What there is and what it is like; what an axis changes is said to be varied."""
-    scenario = base_scenario(plan)
+    """What there is in the first cell; what an axis changes is said to be varied."""
+    scenario = plan.scenario_of(0)
     team, target, sensing = scenario.team, scenario.target, scenario.sensing
     hz = 1.0 / scenario.tick_s
     turning = f", turning by at most {team.turn_rad_max:.3g} rad per tick"
