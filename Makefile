@@ -29,7 +29,7 @@ test: setup
 	$(VENV)/bin/python -m pytest
 
 containers: setup
-	ENCIRCLE_CONTAINERS=yes $(VENV)/bin/python -m pytest tests/containers --durations=0
+	ENCIRCLE_CONTAINERS=yes $(VENV)/bin/python -m pytest tests/containers -n 0 -rP --durations=0
 
 check: setup
 	$(VENV)/bin/ruff format --check .

@@ -27,22 +27,29 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m agent
         read=seconds,
         metavar="S",
     )
+    options.add(
+        "--world-timeout",
+        "wait this long for a world that is gone to come back, in s",
+        read=seconds,
+        metavar="S",
+    )
     options.add_flag("--stay", "join run after run of that name")
     found = options.parse(arguments)
     # Imported late: a mistyped command need not wait for scipy.
     with postponed("scipy.stats", "scipy.ndimage"):
-        from agents.robot import JOIN_S_MAX, run_robot
+        from agents.robot import JOIN_S_MAX, WORLD_S_MAX, run_robot
     from protocol.zenoh_link import warning
 
     join_s_max = found.join_timeout or JOIN_S_MAX
     try:
-        where = access(found, join_s_max)
+        where = access(found, join_s_max, name=found.id)
         said = warning(where)
     except AccessError as error:
         options.error(str(error))
     if said is not None:
         print(f"robot {found.id}: {said}", file=sys.stderr, flush=True)
-    return asyncio.run(run_robot(found.id, found.run, where, join_s_max, found.stay))
+    world_s_max = found.world_timeout or WORLD_S_MAX
+    return asyncio.run(run_robot(found.id, found.run, where, join_s_max, found.stay, world_s_max))
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ class BrainState(NamedTuple):
     """All that a robot remembers from one tick to the next.
 
     ``goal``: the encirclement point it headed for, None if for none; ``told``: what its peers have
-    from it, None if it speaks without regard to that.
+    from it, None if it speaks without regard to that; ``lost``: the peers that are said to be.
     """
 
     peers: team.PeerTable
@@ -58,6 +58,7 @@ class BrainState(NamedTuple):
     search: Search | None
     goal: Point | None = None
     told: Told | None = None
+    lost: team.Lost = ()
 
 
 class Action(NamedTuple):
@@ -70,9 +71,10 @@ class Action(NamedTuple):
     command: Command
 
 
-def initial(role: Role) -> BrainState:
-    """The state of a robot that knows nothing yet."""
-    return BrainState((None,) * len(role.team), kalman.NO_TRACK, None, None)
+def initial(role: Role, first_tick: int = 0) -> BrainState:
+    """The state of a robot that knows nothing yet, and first observes at ``first_tick``."""
+    track = kalman.NO_TRACK._replace(first_tick=first_tick)
+    return BrainState((None,) * len(role.team), track, None, None)
 
 
 def step(
@@ -84,6 +86,7 @@ def step(
     ``role.team``.
     """
     places = places_in(role.team)
+    state, passed_ticks = _caught_up(state, observation.tick, role)
     # Arrival order is never information.
     ranked = [(p.tick, places[p.robot], p.sequence, k) for k, p in enumerate(packets)]
     heard = [(place, packets[k]) for _, place, _, k in sorted(ranked)]
@@ -92,7 +95,11 @@ def step(
     peers = team.fold(state.peers, heard, seen, tick, role.tick_s)
     arrived = _detections(observation, own, heard, places)
     track = kalman.fold(state.track, arrived, tick, role.tick_s, role.parameters)
-    mates = team.team_of(peers, own, observation.position, tick, role.parameters)
+    lost = state.lost
+    if lost or observation.lost:
+        lost = team.fold_lost(lost, [places[robot] for robot in observation.lost], heard, tick)
+    present = team.without(peers, lost)
+    mates = team.team_of(present, own, observation.position, tick, role.parameters)
     choice, search = _choose(state, track, mates, observation, role)
     estimate = track.estimate
     x, y = observation.position
@@ -104,7 +111,7 @@ def step(
         (estimate.x - x, estimate.y - y) if estimate else None,
         role.parameters,
     )
-    pose = _packet(state, observation, track, choice, role)
+    pose = _packet(state, observation, track, choice, role, passed_ticks)
     command = Command(
         role.robot,
         tick,
@@ -120,8 +127,25 @@ def step(
     )
     goal = None if choice.point is None else command.goal
     told = told_after(state.told, pose, tick, role.tick_s, role.parameters)
-    after = BrainState(peers, track, observation.position, search, goal, told)
+    after = BrainState(peers, track, observation.position, search, goal, told, lost)
     return after, Action(pose, command)
+
+
+def _caught_up(state: BrainState, tick: int, role: Role) -> tuple[BrainState, int]:
+    """The state as of the tick before, and how many ticks have passed without an observation.
+
+    In lock-step none has; by the clock a robot leaves out what comes late or never.
+    """
+    next_tick = state.track.first_tick + len(state.track.entries)
+    if tick == next_tick:
+        return state, 0
+    parameters, told = role.parameters, state.told
+    track = kalman.up_to(state.track, tick, role.tick_s, parameters)
+    if track.first_tick == tick:
+        told = None
+    for passed in range(next_tick, tick) if told else ():
+        told = told_after(told, None, passed, role.tick_s, parameters)
+    return state._replace(track=track, told=told), tick - next_tick
 
 
 def _detections(
@@ -147,7 +171,12 @@ def _detections(
 
 
 def _packet(
-    state: BrainState, observation: Observation, track: Track, choice: Choice, role: Role
+    state: BrainState,
+    observation: Observation,
+    track: Track,
+    choice: Choice,
+    role: Role,
+    passed_ticks: int,
 ) -> Pose | None:
     """What to tell the peers at this tick, None if nothing."""
     parameters, tick = role.parameters, observation.tick
@@ -155,12 +184,13 @@ def _packet(
     if not is_due(state.told, tick, position, detection, role.tick_s, parameters):
         return None
     x, y = state.position or position
+    since_s = role.tick_s * (1 + passed_ticks)
     return Pose(
         role.robot,
         tick,
         tick,
         position,
-        ((position[0] - x) / role.tick_s, (position[1] - y) / role.tick_s),
+        ((position[0] - x) / since_s, (position[1] - y) / since_s),
         detection,
         choice.mode,
         choice.xi,

@@ -22,7 +22,8 @@ class RobotCore:
     """The protocol around one brain. ``ended`` holds the reason once the run is over.
 
     ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation
-    that is already decoded, for hunts inside one process.
+    that is already decoded, for hunts inside one process. A setup starts a fresh brain at any time:
+    a robot that was lost is taken in again with one.
     """
 
     def __init__(
@@ -32,9 +33,11 @@ class RobotCore:
         self.run = run
         self.ended: str | None = None
         self.refused: Counter[str] = Counter()
+        self.setup: Setup | None = None
         self.role: brain.Role | None = None
         self.state: brain.BrainState | None = None
         self._tick = -1
+        self._answer_tick = 0
         self._answered: bytes | None = None
         self._answer: list[tuple[str, bytes]] = []
         self._log = log
@@ -46,7 +49,7 @@ class RobotCore:
         try:
             return self._receive(key, payload)
         except ProtocolError as error:
-            self._refuse(key, error)
+            self.refuse(key, error)
             return []
 
     def _receive(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
@@ -59,7 +62,9 @@ class RobotCore:
             # Asked once more when the answer was lost on the way: nothing is decided anew.
             if payload != self._answered:
                 action = self.decide(decode(Observation, payload, self.run))
-                self._answered = payload
+                self._answered, self._answer = payload, []
+                if action.command.tick < self._answer_tick:
+                    return []
                 self._answer = [(self._command_key, encode(action.command, self.run))]
                 if action.pose is not None:
                     self._answer.insert(0, (self._pose_key, encode(action.pose, self.run)))
@@ -76,12 +81,15 @@ class RobotCore:
         return []
 
     def _set_up(self, setup: Setup) -> None:
-        if self.role is not None:
-            raise OutOfTurn("setup came twice")
         if setup.robot != self.robot or self.robot not in setup.team:
             raise WrongSender(f"setup is for {setup.robot} in team {', '.join(setup.team)}")
+        if setup.answer_tick < setup.first_tick:
+            raise MalformedMessage(
+                f"Setup: answer_tick is {setup.answer_tick}, must be first_tick"
+                f" ({setup.first_tick}) or later"
+            )
         try:
-            self.role = brain.Role(
+            role = brain.Role(
                 self.robot,
                 setup.team,
                 setup.tick_s,
@@ -90,7 +98,11 @@ class RobotCore:
             )
         except ValueError as error:
             raise MalformedMessage(f"Setup: {error}") from None
-        self.state = brain.initial(self.role)
+        # Whatever was known is of another life; its track may have a gap that no filter bridges.
+        self.setup, self.role = setup, role
+        self.state = brain.initial(role, setup.first_tick)
+        self._tick, self._answer_tick = setup.first_tick - 1, setup.answer_tick
+        self._answered = None
 
     def decide(self, observation: Observation) -> brain.Action:
         """Answer an observation; ``OutOfTurn`` before setup or if its tick is not the next one."""
@@ -98,12 +110,17 @@ class RobotCore:
             raise OutOfTurn(f"observation of tick {observation.tick} before setup")
         if observation.robot != self.robot:
             raise WrongSender(f"observation is for {observation.robot}")
-        if observation.tick != self._tick + 1:
+        # By the clock ticks are left out that came late or never.
+        by_clock = observation.sent_us is not None and observation.tick > self._tick
+        if observation.tick != self._tick + 1 and not by_clock:
             raise OutOfTurn(f"observation of tick {observation.tick} after tick {self._tick}")
         places = brain.places_in(self.role.team)
         for sighting in observation.seen:
             if sighting[0] not in places:
                 raise MalformedMessage(f"Observation: seen {sighting[0]!r}, not of this team")
+        for robot in observation.lost:
+            if robot not in places or robot == self.robot:
+                raise MalformedMessage(f"Observation: lost {robot!r}, must be a peer of this team")
         self._tick = observation.tick
         packets = []
         for packet in observation.inbox:
@@ -115,7 +132,7 @@ class RobotCore:
                     raise OutOfTurn(f"pose of tick {pose.tick} at tick {observation.tick}")
                 packets.append(self._sifted(pose, places) if pose.relayed else pose)
             except ProtocolError as error:
-                self._refuse("inbox", error)
+                self.refuse("inbox", error)
         self.state, action = brain.step(self.state, observation, packets, self.role)
         counts = dict(sorted(self.refused.items()))
         if self.state.track.dropped:
@@ -134,11 +151,12 @@ class RobotCore:
                 continue
             said = f"{pose.robot} relays a detection by {origin!r} of tick {tick}"
             if origin not in places:
-                self._refuse("inbox", WrongSender(f"{said}, not of this team"))
+                self.refuse("inbox", WrongSender(f"{said}, not of this team"))
             else:
-                self._refuse("inbox", OutOfTurn(f"{said} at tick {pose.tick}"))
+                self.refuse("inbox", OutOfTurn(f"{said} at tick {pose.tick}"))
         return pose if len(sound) == len(pose.relayed) else replace(pose, relayed=tuple(sound))
 
-    def _refuse(self, key: str, error: ProtocolError) -> None:
+    def refuse(self, key: str, error: ProtocolError) -> None:
+        """Count and log something that was refused."""
         self.refused[error.cause] += 1
         self._log(f"{self.robot} refused a message on {key}: {error}")

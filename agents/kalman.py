@@ -121,6 +121,19 @@ def fold(
     return Track(first, base, tuple(entries), newest, dropped)
 
 
+def up_to(track: Track, tick: int, tick_s: float, parameters: Parameters) -> Track:
+    """The track as of the tick before ``tick``, nothing having been heard since its last.
+
+    One whose target would be given up for lost in between starts anew at ``tick``.
+    """
+    next_tick = track.first_tick + len(track.entries)
+    if tick - next_tick > parameters.track_age_ticks_max:
+        return NO_TRACK._replace(first_tick=tick, dropped=track.dropped)
+    for passed in range(next_tick, tick):
+        track = fold(track, (), passed, tick_s, parameters)
+    return track
+
+
 def next_estimate(
     before: Estimate | None,
     detections: tuple[Detection, ...],

@@ -3,6 +3,9 @@
 The supervisor joins the run, watches the world's liveliness token and the signals, and bounds every
 wait. The rounds themselves are run in a thread that waits for messages inside Zenoh, because waking
 an asyncio loop from there costs half as much again as all the rest (``docs/architecture.md``).
+
+A world that is gone leaves its robots standing: in lock-step nothing moves that was not commanded
+in the round. They wait a bounded time for a world of that run, which tells them all they need.
 """
 
 import asyncio
@@ -12,46 +15,67 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from agents import real_time
 from agents.core import RobotCore
 from protocol.access import Access
 from protocol.errors import LinkClosed
 from protocol.keys import robot_key, world_key
 from protocol.links import Link
 from protocol.log import bounded_log
+from protocol.one_of_a_name import check_free
 from protocol.zenoh_link import LinkError, ZenohLink
 
 JOIN_S_MAX = 30.0
-
-
-def answer_rounds(core: RobotCore, link: Link) -> None:
-    """Answer whatever comes until the run ends or the link is closed."""
-    try:
-        while core.ended is None:
-            for key, payload in core.receive(*link.receive()):
-                link.send(key, payload)
-    except LinkClosed:
-        pass
+WORLD_S_MAX = 10.0
+OTHER_VERSION = "this program speaks"
 
 
 class _Life:
     """The runs that one robot process takes part in: one, or one after the other if it stays."""
 
     def __init__(self, robot: str, run: str, log: Callable[[str], None], stays: bool) -> None:
-        self._new = partial(RobotCore, robot, run, log)
-        self._stays = stays
+        self._new = partial(RobotCore, robot, run, self._refused)
+        self._log = log
+        self.stays = stays
         self.core = self._new()
         self.completed = 0
+        self.heard = 0
+        self.other_version = ""
+
+    def _refused(self, line: str) -> None:
+        if OTHER_VERSION in line:
+            self.other_version = line
+        self._log(line)
 
     def answer(self, link: Link) -> None:
         """Answer round by round until there is no further run or the link is closed."""
         # What was imported stays for good: collecting garbage need not look at it again and again.
         gc.freeze()
         while True:
-            answer_rounds(self.core, link)
-            if self.core.ended is None or self.core.ended.startswith("failed") or not self._stays:
+            self._answer_rounds(link)
+            if self.core.ended is None or self.core.ended.startswith("failed") or not self.stays:
                 return
             self.completed += 1
             self.core = self._new()
+
+    def _answer_rounds(self, link: Link) -> None:
+        core, asked = self.core, False
+        try:
+            while core.ended is None:
+                key, payload = link.receive()
+                self._has_heard()
+                if not asked and key.endswith("/observation"):
+                    asked = True
+                    if real_time.is_timed(core, key, payload):
+                        real_time.answer(core, link, (key, payload), self._has_heard)
+                        return
+                for said in core.receive(key, payload):
+                    link.send(*said)
+        except LinkClosed:
+            pass
+
+    def _has_heard(self) -> None:
+        self.heard += 1
 
     @property
     def idle(self) -> bool:
@@ -59,41 +83,105 @@ class _Life:
         return self.completed > 0 and self.core.role is None
 
 
+class _Supervisor:
+    """Watches over a robot's life: the world's token, the signals, and how long a wait lasts."""
+
+    def __init__(
+        self, life: _Life, say: Callable[[str], None], world: str, waits_s_max: tuple[float, float]
+    ) -> None:
+        self._life = life
+        self._say = say
+        self._world = world
+        self._join_s_max, self._world_s_max = waits_s_max
+        self._loop = asyncio.get_running_loop()
+        self._wait: asyncio.TimerHandle | None = None
+        self._gone = False
+        self.trouble: asyncio.Future[str] = self._loop.create_future()
+
+    def stop(self, reason: str) -> None:
+        """End the robot's life. Later reasons are ignored."""
+        if not self.trouble.done():
+            self.trouble.set_result(reason)
+
+    def await_word(self) -> None:
+        """Give up unless the world says something in time."""
+        self._begin_wait(self._join_s_max, partial(self._not_taken_in, self._life.heard))
+
+    def world_changed(self, alive: bool) -> None:
+        """The world's token came or went."""
+        life = self._life
+        if alive and self._gone:
+            self._gone = False
+            self.await_word()
+        elif not alive and (life.idle or life.stays):
+            self.stop(f"{self._world} is gone")
+        elif not alive and life.core.ended is None:
+            self._gone = True
+            self._say(
+                f"{self._world} is gone: standing still,"
+                f" waiting up to {self._world_s_max:g} s for it"
+            )
+            said = f"{self._world} is gone, and was not back within {self._world_s_max:g} s"
+            self._begin_wait(self._world_s_max, partial(self.stop, said))
+
+    def end_wait(self) -> None:
+        """Wait for nothing any more."""
+        if self._wait is not None:
+            self._wait.cancel()
+
+    def _begin_wait(self, s_max: float, then: Callable[[], None]) -> None:
+        self.end_wait()
+        self._wait = self._loop.call_later(s_max, then)
+
+    def _not_taken_in(self, heard: int) -> None:
+        life = self._life
+        if life.core.role is None and life.other_version:
+            self.stop(f"{self._world} speaks another version: {life.other_version}")
+        elif life.heard == heard and not life.idle:
+            self.stop(f"{self._world} did not take this robot in within {self._join_s_max:g} s")
+
+
 async def run_robot(
-    robot: str, run: str, access: Access, join_s_max: float = JOIN_S_MAX, stays: bool = False
+    robot: str,
+    run: str,
+    access: Access,
+    join_s_max: float = JOIN_S_MAX,
+    stays: bool = False,
+    world_s_max: float = WORLD_S_MAX,
 ) -> int:
     """One robot's life in a run; returns the exit status: 0 if the run was completed.
 
     ``stays``: take part in run after run under the same name, until the world is gone.
+    ``world_s_max``: how long to wait, in s, for a world that is gone.
     """
     log = bounded_log()
+    own = robot_key(run, robot, "alive")
+    check = partial(check_free, token=own, who=f"robot {robot} in run {run}")
     try:
-        link = await asyncio.to_thread(ZenohLink, access, robot_key(run, robot, "*"))
+        link = await asyncio.to_thread(ZenohLink, access, robot_key(run, robot, "*"), check)
     except LinkError as error:
         log(f"robot {robot}: {error}")
         return 1
     life = _Life(robot, run, log, stays)
-    loop = asyncio.get_running_loop()
-    trouble: asyncio.Future[str] = loop.create_future()
-
-    def stop(reason: str) -> None:
-        if not trouble.done():
-            trouble.set_result(reason)
+    world = f"the world of run {run} at {access}"
+    waits = (join_s_max, world_s_max)
+    supervisor = _Supervisor(life, lambda said: log(f"robot {robot}: {said}"), world, waits)
+    trouble, loop = supervisor.trouble, asyncio.get_running_loop()
 
     def world_changed(_key: str, alive: bool) -> None:
-        if not alive:
-            loop.call_soon_threadsafe(stop, f"the world of run {run} is gone")
+        loop.call_soon_threadsafe(supervisor.world_changed, alive)
 
     for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop, f"stopped by {number.name}")
+        loop.add_signal_handler(number, supervisor.stop, f"stopped by {number.name}")
+    supervisor.await_word()
     link.watch(world_key(run, "alive"), world_changed)
-    link.announce(robot_key(run, robot, "alive"))
+    link.tell_about(robot_key(run, robot, "about"), robot)
+    link.announce(own)
     rounds = asyncio.create_task(asyncio.to_thread(life.answer, link))
-    joining = loop.call_later(join_s_max, _give_up_joining, life, stop, run, access, join_s_max)
     try:
         await _first_of(rounds, trouble)
     finally:
-        joining.cancel()
+        supervisor.end_wait()
         await asyncio.to_thread(link.close)
         await rounds
     if life.idle:
@@ -107,10 +195,3 @@ async def run_robot(
 
 async def _first_of(*futures: "asyncio.Future[Any]") -> None:
     await asyncio.wait(futures, return_when=asyncio.FIRST_COMPLETED)
-
-
-def _give_up_joining(
-    life: _Life, stop: Callable[[str], None], run: str, access: Access, join_s: float
-) -> None:
-    if life.core.role is None and not life.completed:
-        stop(f"no world took this robot into run {run} at {access} within {join_s:g} s")

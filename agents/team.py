@@ -4,7 +4,8 @@ An entry is the newest thing known of a peer: its own pose packet, or having bee
 robot's sensors. Late packets never overwrite newer knowledge. Which peers make up the team that is
 planned for, and where stale ones are taken to be, is the staleness policy of ``Parameters``: a peer
 is held where it was, or moved on by its velocity for as long as that is trusted, and in the end
-left out.
+left out. A peer that the world says is lost is left out at once, though its body may still be seen,
+until it is no longer said to be, or has spoken since.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,9 @@ Peer: TypeAlias = tuple[int, float, float, float, float]
 """One entry, ``(tick, x, y, vx, vy)``: position in m and velocity in m/tick, as of a tick."""
 
 PeerTable: TypeAlias = tuple[Peer | None, ...]
+
+Lost: TypeAlias = tuple[tuple[int, int, bool], ...]
+"""The peers said to be lost: ``(index, tick at which that was said first, spoken since)``."""
 
 
 class Team(NamedTuple):
@@ -55,6 +59,27 @@ def fold(
             age = tick - known[0]
             table[index] = (tick, x, y, (x - known[1]) / age, (y - known[2]) / age)
     return tuple(table)
+
+
+def fold_lost(
+    lost: Lost, said: Sequence[int], packets: Sequence[tuple[int, Pose]], tick: int
+) -> Lost:
+    """Who is lost after hearing that ``said`` are, and packets ``(index, pose)``."""
+    before = {index: (since, spoken) for index, since, spoken in lost}
+    after = []
+    for index in said:
+        since, spoken = before.get(index, (tick, False))
+        speaks = any(peer == index and pose.tick >= since for peer, pose in packets)
+        after.append((index, since, spoken or speaks))
+    return tuple(after)
+
+
+def without(peers: PeerTable, lost: Lost) -> PeerTable:
+    """The table without the peers that are lost and have not spoken since."""
+    if not lost:
+        return peers
+    silent = {index for index, _, spoken in lost if not spoken}
+    return tuple([None if index in silent else peer for index, peer in enumerate(peers)])
 
 
 def team_of(peers: PeerTable, own: int, position: Point, tick: int, parameters: Parameters) -> Team:

@@ -17,6 +17,7 @@ from statistics import median
 from typing import Any
 
 from decisions import measure as measure_decisions
+from realtime import RATES_HZ, measure_real_time
 from rich.console import Console
 from rich.table import Table
 from scenarios import endless_hunt, ordinary_hunt
@@ -203,6 +204,9 @@ def main() -> None:
     show("(c) one robot's decision", report["c_decisions"])
     report["e_studies"] = measure_studies(1 if options.quick else 8)
     show("(e) studies", [report["e_studies"]])
+    turn = (2.0, 1) if options.quick else (10.0, TURNS)
+    report["f_real_time"] = [measure_real_time(rate_hz, *turn) for rate_hz in RATES_HZ]
+    show("(f) a world by the clock with 4 robots, beside a bare loop", report["f_real_time"])
     options.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     print(f"written to {options.json}")
 

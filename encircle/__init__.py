@@ -10,13 +10,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from encircle.hunts import Hunt, run
+from encircle.hunts import Hunt, resume, run
 from world.scenario import Scenario, ScenarioError, load, shipped
 
 if TYPE_CHECKING:
     from encircle.studies.study import Study
 
-__all__ = ["Hunt", "Scenario", "ScenarioError", "load", "run", "shipped", "study"]
+__all__ = ["Hunt", "Scenario", "ScenarioError", "load", "resume", "run", "shipped", "study"]
 
 
 def study(

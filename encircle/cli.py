@@ -49,32 +49,40 @@ def main() -> None:
 
 @app.command("run")
 def run_command(
-    scenario: Annotated[str, typer.Argument(help="A shipped scenario's name or a TOML file.")],
+    scenario: Annotated[
+        str | None, typer.Argument(help="A shipped scenario's name or a TOML file.")
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="Instead of the scenario's own.")] = None,
     link: Annotated[str, typer.Option(help="zenoh (a process per robot) or memory.")] = "zenoh",
     changes: SetOption = [],  # noqa: B006  # typer copies it
     out: Annotated[Path | None, typer.Option(help="Directory to record to, new or empty.")] = None,
+    when_lost: Annotated[
+        str, typer.Option(help="What a lost robot process means: go-on without it, or end.")
+    ] = "go-on",
+    resume: Annotated[
+        Path | None, typer.Option(metavar="RUN", help="Go on with a run that broke off.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Run one hunt, record it and draw it."""
-    from encircle.display import Display
-    from encircle.hunts import LINKS, default_directory, run
-    from world.scenario import load
+    from encircle.hunting import Wish, hunt_and_draw
+    from encircle.hunts import LINKS
+    from world.result import WHEN_LOST
 
-    if link not in LINKS:
-        raise typer.BadParameter(f"{link!r} is not one of {', '.join(LINKS)}", param_hint="--link")
-    loaded = load(scenario, [*changes, *([f"seed={seed}"] if seed is not None else [])])
-    directory = out or default_directory(scenario, loaded.seed)
-    with Display(loaded, link) as display:
-        hunt = run(loaded, link=link, out=directory, progress=display.update)
-    # Imported after the hunt: the robots need not wait for the plotting library.
-    from encircle.figures import draw_run
-
-    figure = draw_run(directory, directory / "trajectory.png")
-    if as_json:
-        print(json.dumps({**hunt.as_dict(scenario), "figure": str(figure)}))
-    else:
-        display.show_result(hunt, directory, figure)
+    for name, value, known in (("link", link, LINKS), ("when-lost", when_lost, WHEN_LOST)):
+        if value not in known:
+            raise typer.BadParameter(
+                f"{value!r} is not one of {', '.join(known)}", param_hint=f"--{name}"
+            )
+    if resume is None and scenario is None:
+        raise typer.BadParameter("give a scenario, or --resume RUN", param_hint="SCENARIO")
+    if resume is not None and (scenario, seed, changes, out) != (None, None, [], None):
+        raise typer.BadParameter(
+            "goes with neither a scenario nor --seed, --set or --out: the run has its own",
+            param_hint="--resume",
+        )
+    changes = [*changes, *([f"seed={seed}"] if seed is not None else [])]
+    hunt_and_draw(Wish(scenario or "", changes, out, resume, link, when_lost), as_json)
 
 
 @app.command("scenarios")
@@ -129,6 +137,7 @@ def replay_command(
                     "compared": found.compared,
                     "differences": len(found.differences),
                     "complete": found.complete,
+                    "unchecked": found.unchecked,
                 }
             )
         )
@@ -142,8 +151,54 @@ def replay_command(
         )
         for tick, robot, channel in found.differences[:10]:
             print(f"  tick {tick}: {channel} of {robot}")
+        for reason in found.unchecked:
+            print(f"  {reason}")
     if not found.same:
         raise typer.Exit(1)
+
+
+@app.command("transport")
+def transport_command(
+    run: Annotated[Path, typer.Argument(help="A run's directory or its recording.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Show what the network did to each link in a run by the clock, beside what was injected."""
+    from rich.console import Console
+
+    from encircle.transport import show, traffic_of
+    from world.recording import read_recording
+    from world.transport import report
+
+    found = report(traffic_of(read_recording(run)))
+    if as_json:
+        print(json.dumps(found))
+    else:
+        show(found, Console())
+
+
+@app.command("trace")
+def trace_command(
+    run: Annotated[Path, typer.Argument(help="A run's directory or its recording.")],
+    out: Annotated[Path, typer.Option(help="The file to write: .csv or .parquet.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Write the network's loss and delay in a run by the clock as a trace for the channel."""
+    from encircle.tracing import check_target, trace_of, write_trace
+    from world.recording import read_recording
+
+    check_target(out)
+    trace = trace_of(read_recording(run))
+    write_trace(trace, out)
+    lost = sum(row.lost for row in trace.rows)
+    if trace.delays_refused is not None:
+        print(f"encircle: delays are left out: {trace.delays_refused}", file=sys.stderr)
+    if trace.left_out:
+        print(f"encircle: {trace.left_out} later packets are left out", file=sys.stderr)
+    if as_json:
+        summary = {"out": str(out), "packets": len(trace.rows), "lost": lost}
+        print(json.dumps({**summary, "delays": trace.delays_refused is None}))
+    else:
+        print(f"{len(trace.rows)} packets, {lost} lost: {out}")
 
 
 @app.command("reproduce")
@@ -238,12 +293,48 @@ def router_command(context: typer.Context) -> None:
     raise typer.Exit(router_main(context.args, "encircle router"))
 
 
+@app.command("certificates")
+def certificates_command(
+    directory: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Where to put them; new or empty.")
+    ],
+    robots: Annotated[int, typer.Option(metavar="N", help="For robots r1 to rN.")],
+    hosts: Annotated[
+        list[str],
+        typer.Option("--host", help="A name or address at which router or world is reached."),
+    ] = [],  # noqa: B006
+    days: Annotated[int, typer.Option(help="How long they are valid.")] = 30,
+) -> None:
+    """Make a private authority, and certificates for router, world, viewer and robots."""
+    try:
+        from encircle.certificates import CertificateError, describe, make_certificates
+    except ModuleNotFoundError as error:
+        print(
+            f"encircle: certificates need {error.name}: pip install 'encircle[security]'",
+            file=sys.stderr,
+        )
+        raise typer.Exit(2) from None
+    try:
+        print(describe(make_certificates(directory, robots, hosts, days)))
+    except CertificateError as error:
+        print(f"encircle: {error}", file=sys.stderr)
+        raise typer.Exit(2) from None
+
+
 @app.command("alive", context_settings=PASSED_ON, add_help_option=False)
 def alive_command(context: typer.Context) -> None:
     """Say whether a router, the world or a robot of a run is there."""
     from protocol.alive import main as alive_main
 
     raise typer.Exit(alive_main(context.args, "encircle alive"))
+
+
+@app.command("doctor", context_settings=PASSED_ON, add_help_option=False)
+def doctor_command(context: typer.Context) -> None:
+    """Examine this machine, and a run's network, and say what to do."""
+    from encircle.doctor import main as doctor_main
+
+    raise typer.Exit(doctor_main(context.args, "encircle doctor"))
 
 
 if __name__ == "__main__":

@@ -51,9 +51,17 @@ class Display:
             self._show("ended", result["ticks"], result["distances_m"])
         elif "started" in report:
             pids = ", ".join(f"{name} {pid}" for name, pid in report["started"].items())
-            self._console.print(f"processes: {pids}", highlight=False)
+            self._say(f"run {report['run']} at {report['endpoint']}")
+            self._say(f"processes: {pids}")
+        elif "departure" in report:
+            tick, robot, what = report["departure"]
+            self._say(f"tick {tick}: robot {robot} is {what}")
         elif "log" in report:
-            self._console.print(report["log"], highlight=False)
+            self._say(report["log"])
+
+    def _say(self, line: str) -> None:
+        # Whole lines, however wide the terminal is: they are read by programs, too.
+        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
 
     def _show(self, what: str, tick: int, distances_m: list[float]) -> None:
         near = " ".join(f"{d:.1f}" for d in distances_m[:SHOWN_MAX])
@@ -87,9 +95,39 @@ class Display:
         if result.refused:
             refused = ", ".join(f"{n} {cause}" for cause, n in result.refused.items())
             table.add_row("messages refused", refused)
+        for tick, robot, what in result.departures[:SHOWN_MAX]:
+            table.add_row(f"tick {tick}", f"robot {robot} is {what}")
+        if len(result.departures) > SHOWN_MAX:
+            table.add_row("", f"and {len(result.departures) - SHOWN_MAX} more of that kind")
+        for what, told in _punctuality(hunt):
+            table.add_row(what, told)
         where = f"{hunt.processes} over Zenoh" if hunt.link == "zenoh" else "1, all in memory"
         table.add_row("processes", where)
         table.add_row("seed, digest", f"{hunt.seed}, {result.digest}")
         table.add_row("recording", str(directory / "recording.mcap"))
         table.add_row("figure", str(figure))
         Console().print(table)
+
+
+def _punctuality(hunt: Hunt) -> list[tuple[str, str]]:
+    """How a run by the clock kept its time; nothing in lock-step."""
+    found = hunt.timing.get("real_time")
+    if found is None:
+        return []
+    jitter_ms = [f"{found[f'jitter_s_{name}'] * 1e3:.2f}" for name in ("median", "p99", "max")]
+    deadlines = (
+        f"{found['overruns']} overruns in {found['ticks']} ticks,"
+        f" {found['deadlines_skipped']} deadlines skipped"
+    )
+    names = {"late": "late", "held": "held", "stood_still": "stood still"}
+    commands = [
+        f"{robot} " + ", ".join(f"{counts[n]} {word}" for n, word in names.items() if counts[n])
+        for robot, counts in found["robots"].items()
+        if any(counts[name] for name in names)
+    ]
+    more = f"; {len(commands) - SHOWN_MAX} more" if len(commands) > SHOWN_MAX else ""
+    return [
+        ("world's deadlines", deadlines),
+        ("jitter ms", f"median {jitter_ms[0]}, 99 % {jitter_ms[1]}, largest {jitter_ms[2]}"),
+        ("commands not in time", "; ".join(commands[:SHOWN_MAX]) + more or "none"),
+    ]

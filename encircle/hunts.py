@@ -1,21 +1,23 @@
 """One hunt from start to end, over either link: what ``encircle run`` and the Python API do."""
 
-import json
 import secrets
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from protocol.log import bounded_log
-from world.result import Result
-from world.run_directory import RECORDING, create, new_directory, start_recording, write_summary
-from world.scenario import Scenario, load
+from world.recorder import RecordingStopped
+from world.result import GO_ON, WHEN_LOST, Result
+from world.run_directory import create, new_directory, set_aside, start_recording, write_summary
+from world.scenario import Scenario, ScenarioError, load
 
 if TYPE_CHECKING:
     from world.core import WorldCore
+    from world.resuming import Resumed
 
 LINKS = ("zenoh", "memory")
 PROGRESS_PERIOD_S = 0.1
@@ -75,23 +77,26 @@ def run(
     out: str | Path | None = None,
     progress: Callable[[dict[str, Any]], None] | None = None,
     start_order: Sequence[str] | None = None,
+    when_lost: str = GO_ON,
 ) -> Hunt:
     """Run one hunt and wait for its end.
 
     ``scenario``: a shipped name, a TOML file, a mapping or a loaded scenario. ``link``: ``zenoh``
     for one process per robot and one for the world, ``memory`` for the same code in this process.
     ``out``: a directory for recording and summary, which must be new or empty; none by default.
-    ``progress`` is called now and then with ``{"tick", "distances_m"}``.
+    ``progress`` is called now and then with ``{"tick", "distances_m"}``. ``when_lost``: whether the
+    run is to ``go-on`` without a robot whose process is lost, or to ``end``.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
     unusable directory and ``RunFailed`` if the run does not come to its end.
     """
-    if link not in LINKS:
-        raise ValueError(f"link {link!r}: must be one of {', '.join(LINKS)}")
+    _check("link", link, LINKS)
+    _check("when_lost", when_lost, WHEN_LOST)
     changes = [*overrides, *([f"seed={seed}"] if seed is not None else [])]
     if isinstance(scenario, Scenario):
         scenario = scenario.model_dump(mode="json", exclude_unset=True)
     loaded = load(scenario, changes)
+    check_link(loaded, link)
     name = f"run-{secrets.token_hex(6)}"
     directory = create(Path(out)) if out is not None else None
     tell = progress or (lambda _report: None)
@@ -99,38 +104,98 @@ def run(
     if link == "memory":
         result, timing, processes = _in_memory(loaded, name, directory, tell)
     else:
-        result, timing, processes = _as_processes(loaded, name, directory, tell, start_order)
+        order = start_order or ["world", *loaded.ids]
+        result, timing, processes = _as_processes(loaded, name, directory, tell, order, when_lost)
     wall_s = time.perf_counter() - begun
     return Hunt(loaded, loaded.seed, link, name, result, processes, wall_s, directory, timing)
 
 
+def resume(
+    directory: str | Path,
+    *,
+    link: str = "zenoh",
+    progress: Callable[[dict[str, Any]], None] | None = None,
+    when_lost: str = GO_ON,
+) -> Hunt:
+    """Go on with a run that broke off, where its recording in ``directory`` ends, to its end.
+
+    The recording becomes whole; what it was is kept beside it. ``link``, ``progress`` and
+    ``when_lost``: as for ``run``, and the link may be another. Raises ``RunDirectoryError`` if
+    there is nothing to go on with, or if what is recorded is not what this program comes to;
+    then nothing has been changed. ``RunFailed`` as for ``run``.
+    """
+    from world.resuming import read_last, rebuild
+
+    _check("link", link, LINKS)
+    _check("when_lost", when_lost, WHEN_LOST)
+    place, tell = Path(directory), progress or (lambda _report: None)
+    begun = time.perf_counter()
+    resumed = rebuild(read_last(place), bounded_log())
+    scenario, name = resumed.core.arena.scenario, resumed.core.run
+    if link == "memory" or resumed.core.ended is not None:
+        result, timing, processes = _in_memory(scenario, name, place, tell, resumed)
+    else:
+        from encircle.launch import run_processes
+
+        arguments = ["--resume", str(place), "--when-lost", when_lost]
+        order = ["world", *scenario.ids]
+        result, timing = run_processes(arguments, scenario.ids, name, tell, order)
+        processes = len(order)
+    wall_s = time.perf_counter() - begun
+    return Hunt(scenario, scenario.seed, link, name, result, processes, wall_s, place, timing)
+
+
+def _check(name: str, value: str, known: Sequence[str]) -> None:
+    if value not in known:
+        raise ValueError(f"{name} {value!r}: must be one of {', '.join(known)}")
+
+
+def check_link(scenario: Scenario, link: str) -> None:
+    """``ScenarioError`` if the scenario cannot be run over the link."""
+    if link == "memory" and scenario.clock == "wall":
+        raise ScenarioError("clock = 'wall': in memory no time passes; use --link zenoh")
+
+
 def _in_memory(
-    scenario: Scenario, name: str, directory: Path | None, tell: Callable[[dict[str, Any]], None]
+    scenario: Scenario,
+    name: str,
+    directory: Path | None,
+    tell: Callable[[dict[str, Any]], None],
+    resumed: "Resumed | None" = None,
 ) -> tuple[Result, dict[str, Any], int]:
+    from encircle.launch import RunFailed
     from encircle.memory import run_in_memory
     from world.engine import build
 
     arena = build(scenario, scenario.seed)
+    if resumed is not None and directory is not None:
+        set_aside(directory)
     recorder = start_recording(directory, scenario, name) if directory else None
     record = recorder.record if recorder else None
-    said = time.perf_counter()
+    said, told = time.perf_counter(), 0
 
     def progress(world: "WorldCore") -> None:
-        nonlocal said
+        nonlocal said, told
+        for tick, robot, what in world.departures[told:]:
+            tell({"departure": [tick, robot, what]})
+        told = len(world.departures)
         if time.perf_counter() - said >= PROGRESS_PERIOD_S:
             said = time.perf_counter()
             tell({"tick": world.state.tick, "distances_m": list(world.result().distances_m)})
 
     begun = time.perf_counter()
     try:
-        result = run_in_memory(arena, name, bounded_log(), record, progress)
-    finally:
-        if recorder is not None:
-            recorder.close()
-    timing = {"rounds_s": time.perf_counter() - begun}
-    tell({"result": asdict(result)})
-    if directory is not None:
-        write_summary(directory, scenario, result, name, timing)
+        with closing(recorder) if recorder else nullcontext():
+            if recorder is not None and resumed is not None:
+                for message in resumed.messages:
+                    recorder.record(*message)
+            result = run_in_memory(arena, name, bounded_log(), record, progress, resumed=resumed)
+        timing = {"rounds_s": time.perf_counter() - begun}
+        tell({"result": asdict(result)})
+        if directory is not None:
+            write_summary(directory, scenario, result, name, timing)
+    except RecordingStopped as error:
+        raise RunFailed(str(error), resumable=True) from None
     return result, timing, 1
 
 
@@ -139,7 +204,8 @@ def _as_processes(
     name: str,
     directory: Path | None,
     tell: Callable[[dict[str, Any]], None],
-    start_order: Sequence[str] | None,
+    order: Sequence[str],
+    when_lost: str,
 ) -> tuple[Result, dict[str, Any], int]:
     from encircle.launch import run_processes
 
@@ -148,22 +214,11 @@ def _as_processes(
         path = Path(scratch) / "scenario.json"
         path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
         arguments = [str(path), *(["--out", str(directory)] if directory else [])]
-        result, timing = run_processes(arguments, scenario.ids, name, tell, start_order)
+        arguments += ["--when-lost", when_lost]
+        result, timing = run_processes(arguments, scenario.ids, name, tell, order)
     return result, timing, len(scenario.ids) + 1
-
-
-def recording_of(path: str | Path) -> Path:
-    """The recording file of a run directory, or the file itself."""
-    place = Path(path)
-    return place / RECORDING if place.is_dir() else place
 
 
 def default_directory(scenario_name: str, seed: int) -> Path:
     """A new directory under ``runs/`` for a hunt that was not told where to record."""
     return new_directory(Path("runs"), scenario_name, seed)
-
-
-def read_metadata(metadata: Mapping[str, str]) -> tuple[Scenario, int, str]:
-    """Scenario, seed and run name out of a recording's metadata."""
-    tree = json.loads(metadata["scenario"])
-    return load(tree), int(metadata["seed"]), metadata["run"]

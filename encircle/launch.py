@@ -2,7 +2,8 @@
 
 The launcher starts them, follows the world's reports, and sees to it that none is left behind: it
 ends what it started by process, whatever happened, and the world ends by itself when the launcher
-is gone (its standard input closes), the robots when the world is.
+is gone (its standard input closes), the robots when the world is. A robot that dies in mid-run is
+the world's affair; nothing is started anew.
 """
 
 import asyncio
@@ -29,7 +30,14 @@ ERROR_LINES_MAX = 200
 
 
 class RunFailed(Exception):
-    """A run that did not come to its end; the message says in one line what happened."""
+    """A run that did not come to its end; the message says in one line what happened.
+
+    ``resumable``: it broke off, so that what was recorded of it may be gone on with.
+    """
+
+    def __init__(self, reason: str, resumable: bool = False) -> None:
+        super().__init__(reason)
+        self.resumable = resumable
 
 
 def free_endpoint() -> str:
@@ -49,8 +57,8 @@ def run_processes(
     """Run a hunt with one process per robot; returns its result and timings.
 
     ``world_arguments``: scenario and options for ``python -m world``. ``report`` gets the world's
-    reports, and ``{"started": {name: pid}}`` first. ``start_order`` is for tests. Raises
-    ``RunFailed``.
+    reports, and ``{"started": {name: pid}, "run": name, "endpoint": endpoint}`` first.
+    ``start_order`` is for tests. Raises ``RunFailed``.
     """
     return asyncio.run(_Launch(run, report).run(world_arguments, start_order or ["world", *robots]))
 
@@ -65,7 +73,7 @@ class _Launch:
         self.tick = 0
         self.errors: dict[str, list[str]] = {}
         self.interrupted = ""
-        self.first_to_fail = ""
+        self.failed: list[str] = []
         self.begun = False
         self.silent = False
         self.heard_s = 0.0
@@ -79,7 +87,13 @@ class _Launch:
         try:
             for name in order:
                 await self._start(name, world_arguments)
-            self.report({"started": {name: p.pid for name, p in self.processes.items()}})
+            self.report(
+                {
+                    "started": {name: p.pid for name, p in self.processes.items()},
+                    "run": self.name,
+                    "endpoint": self.endpoint,
+                }
+            )
             await self._follow()
         finally:
             await self._stop_all()
@@ -109,10 +123,12 @@ class _Launch:
         readers.append(asyncio.create_task(self._read_reports()))
         waiting = {asyncio.create_task(p.wait()) for p in self.processes.values()}
         while waiting and not self.silent:
-            # The world ends the run when a robot is lost, the robots end when the world is; what
-            # has not ended some seconds after the first of them never will.
-            ending = self.interrupted or any(
-                p.returncode is not None for p in self.processes.values()
+            # The robots end when the world has told them to; what has not ended some seconds
+            # after it never will. Before the run has begun, it cannot do without any robot.
+            ending = (
+                self.interrupted
+                or self._has_ended("world")
+                or (not self.begun and any(map(self._has_ended, self.processes)))
             )
             done, waiting = await asyncio.wait(
                 waiting,
@@ -123,12 +139,24 @@ class _Launch:
                 break
             # The world speaks up when a robot does not answer; nobody does when the world hangs.
             self.silent = self.begun and time.monotonic() - self.heard_s > SILENCE_S_MAX
-            for name, process in self.processes.items():
-                if process.returncode and not self.first_to_fail:
-                    self.first_to_fail = name
+            self._look_at_ends()
+            if self.processes["world"].returncode not in (None, 0):
+                # Robots would wait for it to come back.
+                break
         await asyncio.wait(readers, timeout=1.0)
         for reader in readers:
             reader.cancel()
+
+    def _has_ended(self, name: str) -> bool:
+        return self.processes[name].returncode is not None
+
+    def _look_at_ends(self) -> None:
+        """Note who failed first, and say how robots have ended in mid-run."""
+        for name, process in self.processes.items():
+            if process.returncode and name not in self.failed:
+                self.failed.append(name)
+                if self.begun and not self._has_ended("world") and not self.interrupted:
+                    self.report({"log": f"robot {name} {_how_ended(process.returncode)}"})
 
     async def _read_reports(self) -> None:
         stream = self.processes["world"].stdout
@@ -175,11 +203,12 @@ class _Launch:
         if self.result is None:
             if self.processes["world"].returncode == BAD_CONFIGURATION:
                 raise ScenarioError(self._first_failure())
-            raise RunFailed(self._first_failure())
-        timing = ("rounds_s", "joined_s", "begun_unix_s")
-        extra = {key: self.result.pop(key) for key in timing}
+            raise RunFailed(self._first_failure(), resumable=self.begun)
+        timing = ("rounds_s", "joined_s", "begun_unix_s", "real_time")
+        extra = {key: self.result.pop(key) for key in timing if key in self.result}
         distances_m = tuple(self.result.pop("distances_m"))
-        result = Result(distances_m=distances_m, **self.result)
+        departures = tuple((t, robot, what) for t, robot, what in self.result.pop("departures"))
+        result = Result(distances_m=distances_m, departures=departures, **self.result)
         if result.ended.startswith("failed"):
             reason = result.ended.removeprefix("failed: ")
             how = [
@@ -187,20 +216,27 @@ class _Launch:
                 for name, p in self.processes.items()
                 if reason.startswith(f"robot {name} ") and p.returncode
             ]
-            raise RunFailed(reason + "".join(how))
+            raise RunFailed(reason + "".join(how), resumable=self.begun)
         return result, extra
 
     def _first_failure(self) -> str:
         """Why there is no result at all: what the first process to fail said, or how it ended."""
         if self.silent:
             return f"the world has said nothing for {SILENCE_S_MAX:g} s at tick {self.tick}"
-        name = self.first_to_fail or "world"
-        said = [line for line in self.errors.get(name, []) if " refused " not in line]
+        name = "world" if self.begun or not self.failed else self.failed[0]
+        said = [line for line in self.errors.get(name, []) if not _in_passing(line)]
         status = self.processes[name].returncode
+        if name == "world" and status is not None and status < 0:
+            return f"the world {_how_ended(status)} at tick {self.tick}"
         if name == "world":
             # A configuration error has several lines, each of which helps.
             return "\n".join(said) or f"the world {_how_ended(status)} at tick {self.tick}"
         return f"robot {name} {_how_ended(status)}: {said[-1] if said else 'it said nothing'}"
+
+
+def _in_passing(line: str) -> bool:
+    """Whether it tells of something that a party goes on after."""
+    return " refused " in line or line.startswith("world: tick ")
 
 
 def _how_ended(status: int | None) -> str:

@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from encircle.measuring import links, mean_or_nan, once, percentile_or_nan, rms_or_nan
+from encircle.measuring import (
+    links,
+    links_there,
+    mean_or_nan,
+    once,
+    percentile_or_nan,
+    rms_or_nan,
+)
 from encircle.runlog import NAN, Floats, RunLog
 
 STATES = 4
@@ -27,7 +34,7 @@ def peer_errors_m(log: RunLog) -> Floats:
     """(P,) distance between where a robot takes a peer of its team to be and where that is."""
     off = log.believed - log.robots[: log.ticks, None]
     errors = np.hypot(off[..., 0], off[..., 1])[:, links(log.count)]
-    return np.asarray(errors[~np.isnan(errors)])
+    return np.asarray(errors[links_there(log) & ~np.isnan(errors)])
 
 
 def peer_error_m_mean(log: RunLog) -> float:
@@ -47,7 +54,7 @@ def peer_error_m_rms(log: RunLog) -> float:
 
 def peer_missing_share(log: RunLog) -> float:
     """The share of peers, over robots and ticks, that a robot leaves out of its team."""
-    possible = log.ticks * log.count * (log.count - 1)
+    possible = int(links_there(log).sum())
     return 1.0 - len(peer_errors_m(log)) / possible if possible else NAN
 
 
@@ -66,7 +73,7 @@ def target_error_m_rms(log: RunLog) -> float:
 
 def estimate_missing_share(log: RunLog) -> float:
     """The share of robots and ticks without an estimate of the target."""
-    return mean_or_nan(np.isnan(log.estimates[..., 0]))
+    return mean_or_nan(np.isnan(log.estimates[..., 0])[log.there])
 
 
 @once

@@ -29,10 +29,21 @@ def capture_s(log: RunLog) -> float:
 
 
 @once
+def _hunting(log: RunLog) -> NDArray[np.bool_]:
+    """(T + 1, N) which robots take part at a tick; at the last, those of the round before."""
+    if not log.ticks:
+        return np.ones((1, log.count), bool)
+    return np.concatenate([log.there, log.there[-1:]])
+
+
+@once
 def gaps_rad(log: RunLog) -> Floats:
-    """(T + 1,) largest angle about the target between neighbouring robots; 2 pi for one alone."""
+    """(T + 1,) largest angle about the target between neighbouring robots; 2 pi for one or none."""
     rays = log.robots - log.target[:, None]
-    bearings = np.sort(np.arctan2(rays[..., 1], rays[..., 0]), axis=1)
+    bearings = np.arctan2(rays[..., 1], rays[..., 0])
+    # A robot that is lost is put where another one stands, and makes no gap smaller.
+    another = np.take_along_axis(bearings, _hunting(log).argmax(axis=1)[:, None], axis=1)
+    bearings = np.sort(np.where(_hunting(log), bearings, another), axis=1)
     after = np.concatenate([bearings[:, 1:], bearings[:, :1] + 2.0 * np.pi], axis=1)
     gaps: Floats = (after - bearings).max(axis=1)
     return gaps
@@ -49,8 +60,8 @@ def ring_tick(log: RunLog) -> float:
     """The first tick with a ring: target enclosed, all robots within k1 rho of it (Sec. II-C)."""
     reach_m = log.parameters.near_factor * log.parameters.ring_radius_m
     rays = log.robots - log.target[:, None]
-    near = (rays[..., 0] ** 2 + rays[..., 1] ** 2 <= reach_m**2).all(axis=1)
-    formed = near & enclosed(log)
+    near = rays[..., 0] ** 2 + rays[..., 1] ** 2 <= reach_m**2
+    formed = (near | ~_hunting(log)).all(axis=1) & enclosed(log)
     return float(formed.argmax()) if formed.any() else NAN
 
 

@@ -10,7 +10,7 @@ leave such ticks out would make the worst links look better than the middling.
 
 import numpy as np
 
-from encircle.measuring import links, mean_or_nan, once, percentile_or_nan
+from encircle.measuring import links, links_there, mean_or_nan, once, percentile_or_nan
 from encircle.runlog import NAN, Integers, RunLog
 
 NEVER = np.iinfo(np.int64).max
@@ -34,29 +34,38 @@ def ages_ticks(log: RunLog) -> Integers:
     return np.asarray(np.arange(log.ticks)[:, None] - _newest_ticks(log))
 
 
+@once
+def _ages_there(log: RunLog) -> Integers:
+    """(A,) ages of the links whose ends took part in the round."""
+    return ages_ticks(log)[links_there(log)]
+
+
 def age_ticks_mean(log: RunLog) -> float:
     """Age of information, mean over links and ticks."""
-    return mean_or_nan(ages_ticks(log))
+    return mean_or_nan(_ages_there(log))
 
 
 def age_ticks_p95(log: RunLog) -> float:
     """Age of information, 95th percentile over links and ticks."""
-    return percentile_or_nan(ages_ticks(log), 95.0)
+    return percentile_or_nan(_ages_there(log), 95.0)
 
 
 def age_ticks_max(log: RunLog) -> float:
     """Age of information, highest over links and ticks."""
-    return float(ages_ticks(log).max()) if ages_ticks(log).size else NAN
+    return float(_ages_there(log).max()) if _ages_there(log).size else NAN
 
 
 def age_ticks_mean_worst(log: RunLog) -> float:
     """Age of information of the link with the highest mean over ticks."""
-    return float(ages_ticks(log).mean(axis=0).max()) if ages_ticks(log).size else NAN
+    there = links_there(log)
+    ticks = there.sum(axis=0)
+    totals = np.where(there, ages_ticks(log), 0).sum(axis=0)
+    return float((totals[ticks > 0] / ticks[ticks > 0]).max()) if ticks.any() else NAN
 
 
 def unheard_share(log: RunLog) -> float:
     """The share of links and ticks before the first delivery, not counting tick 0."""
-    return mean_or_nan(_newest_ticks(log)[1:] < 0)
+    return mean_or_nan((_newest_ticks(log) < 0)[1:][links_there(log)[1:]])
 
 
 @once

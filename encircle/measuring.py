@@ -51,6 +51,13 @@ def links(count: int) -> NDArray[np.bool_]:
     return ~np.eye(count, dtype=bool)
 
 
+@once
+def links_there(log: RunLog) -> NDArray[np.bool_]:
+    """(T, N (N - 1)) whether both ends of each directed link took part in each round."""
+    both = log.there[:, :, None] & log.there[:, None, :]
+    return np.asarray(both[:, links(log.count)])
+
+
 @lru_cache(maxsize=64)
 def pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The first and the second of each unordered pair of N."""

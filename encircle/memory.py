@@ -6,16 +6,18 @@ decoding of what this process has itself just encoded.
 """
 
 import gc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple, Protocol
 
 from agents.core import RobotCore
-from protocol.codec import encode, remember_pose
-from protocol.messages import Command
+from protocol.codec import decode, encode, remember_pose
+from protocol.keys import parse_key
+from protocol.messages import Command, Observation
 from world.core import Record, WorldCore
 from world.engine import Arena
 from world.result import Result
+from world.resuming import Resumed
 
 GARBAGE_THRESHOLD = 100_000
 
@@ -31,11 +33,12 @@ class Watch(Protocol):
     """Someone who looks on at a hunt in memory, and must change nothing."""
 
     def decided(
-        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[Answer]
+        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[Answer | None]
     ) -> None:
         """All robots have answered, in robot order, at the tick that ``world.state`` shows.
 
-        ``world.fates`` are those of the packets of the tick before, None at the first.
+        None in place of its answer for a robot that is lost. ``world.fates`` are those of the
+        packets of the tick before, None at the first.
         """
 
     def ended(self, world: WorldCore) -> None:
@@ -49,10 +52,25 @@ def run_in_memory(
     record: Record | None = None,
     progress: Callable[[WorldCore], None] | None = None,
     watch: Watch | None = None,
+    resumed: Resumed | None = None,
 ) -> Result:
-    """Run a hunt to its end; ``progress`` is called at every tick but the last."""
+    """Run a hunt to its end; ``progress`` is called at every tick but the last.
+
+    ``resumed``: a hunt to go on with instead of beginning one.
+    """
     with little_garbage():
-        return _run(WorldCore(arena, run, log, record), run, log, progress, watch)
+        cores = {robot: RobotCore(robot, run, log) for robot in arena.ids}
+        if resumed is None:
+            world = WorldCore(arena, run, log, record)
+            for robot, core in cores.items():
+                for key, payload in world.join(robot):
+                    core.receive(key, payload)
+            asked = _asked(world, cores, watch)
+        else:
+            world = resumed.core
+            world.record = record
+            asked = _asked_again(resumed, cores)
+        return _run(world, cores, asked, progress, watch)
 
 
 @contextmanager
@@ -69,29 +87,57 @@ def little_garbage() -> Iterator[None]:
 
 def _run(
     world: WorldCore,
-    run: str,
-    log: Callable[[str], None],
+    cores: Mapping[str, RobotCore],
+    asked: list[Observation],
     progress: Callable[[WorldCore], None] | None,
     watch: Watch | None,
 ) -> Result:
-    robots = [RobotCore(robot, run, log) for robot in world.arena.ids]
-    for core in robots:
-        for key, payload in world.join(core.robot):
-            core.receive(key, payload)
-    while asked := world.ask():
-        answers = []
-        for core, observation in zip(robots, asked, strict=True):
+    robots, run = tuple(cores.values()), world.run
+    while asked:
+        answers: dict[str, Answer] = {}
+        for observation in asked:
+            core = cores[observation.robot]
             pose, command = core.decide(observation)
             packet = b"" if pose is None else encode(pose, run)
             if pose is not None:
                 remember_pose(pose, packet, run)
             world.answer(pose, packet, command, encode(command, run))
-            answers.append(Answer(packet, command))
+            answers[core.robot] = Answer(packet, command)
         world.settle()
         if watch is not None:
-            watch.decided(world, robots, answers)
+            watch.decided(world, robots, [answers.get(robot) for robot in cores])
         if progress is not None:
             progress(world)
+        asked = _asked(world, cores, watch)
     if watch is not None:
         watch.ended(world)
     return world.result()
+
+
+def _asked(
+    world: WorldCore, cores: Mapping[str, RobotCore], watch: Watch | None
+) -> list[Observation]:
+    """The observations of the next round that anyone is there for; none when the run is over."""
+    while not (asked := world.ask()) and world.ended is None:
+        if watch is not None:
+            watch.decided(world, tuple(cores.values()), [None] * len(cores))
+    for key, payload in world.setups:
+        cores[parse_key(key).robot or ""].receive(key, payload)
+    return asked
+
+
+def _asked_again(resumed: Resumed, cores: Mapping[str, RobotCore]) -> list[Observation]:
+    """The observations of the round that was under way; each robot is told what it has to know."""
+    world, asked = resumed.core, []
+    for robot in world.lost:
+        # It is there now, and asked again from the next round on.
+        world.join(robot)
+    for robot, briefing in resumed.briefings.items():
+        for key, payload in briefing:
+            cores[robot].receive(key, payload)
+    for key, payload in world.unanswered():
+        if key.endswith("/observation"):
+            asked.append(decode(Observation, payload, world.run))
+        else:
+            cores[parse_key(key).robot or ""].receive(key, payload)
+    return asked

@@ -26,6 +26,11 @@ def log_of_messages(
     scenario: Scenario, seed: int, run: str, messages: Iterable[tuple[int, str, bytes]]
 ) -> RunLog:
     """See ``RunLog.of_messages``."""
+    if scenario.clock == "wall":
+        raise RecordingError(
+            "clock = 'wall': in a run by the clock robots miss ticks, and measures are of all;"
+            " run it in lock-step, with the network as a trace (encircle trace)"
+        )
     heard = _Heard(build(scenario, seed), run)
     for tick, topic, payload in messages:
         try:
@@ -47,6 +52,7 @@ class _Heard:
         self.radios: dict[int, Radio] = {}
         self.commands: dict[tuple[int, str], Command] = {}
         self.decided: dict[tuple[int, str], tuple[Belief, Command]] = {}
+        self.set_up: set[tuple[int, str]] = set()
         self.sizes_bytes: dict[tuple[int, str], int] = {}
         self.ended: str | None = None
 
@@ -72,6 +78,7 @@ class _Heard:
             self.sizes_bytes[tick, robot] = len(payload) - len(self.run)
         elif channel == "setup":
             before = len(self.refusals)
+            self.set_up.add((tick, robot))
             self.cores[robot].receive(robot_key(self.run, robot, "setup"), payload)
             if len(self.refusals) > before:
                 raise RecordingError(f"{topic} of tick {tick}: {self.refusals[-1]}")
@@ -93,6 +100,9 @@ class _Heard:
             copies = self.radios[tick].copies
             rounds.copies.append(np.array(copies, np.int64) if copies else None)
             for robot in self.scenario.ids:
+                if (tick, robot) not in self.commands:
+                    rounds.lose()
+                    continue
                 belief, command = self.decided[tick, robot]
                 self._check(tick, robot, command)
                 rounds.beliefs.append(belief)
@@ -107,12 +117,22 @@ class _Heard:
             answers = [(tick - 1, robot) for robot in self.scenario.ids]
             if tick > 0 and not (
                 tick - 1 in self.radios
-                and all(key in self.commands and key in self.decided for key in answers)
+                and all(
+                    key in self.decided if key in self.commands else self._lost(*key)
+                    for key in answers
+                )
             ):
                 return
             if tick not in states:
                 return
             yield tick
+
+    def _lost(self, tick: int, robot: str) -> bool:
+        """Whether a robot whose command is not there was lost, so that it gave none."""
+        after = (tick + 1, robot)
+        return (
+            (tick, robot) not in self.decided or after in self.set_up or after not in self.decided
+        )
 
     def _check(self, tick: int, robot: str, decided: Command) -> None:
         """Whether the fresh robot decided as the recorded one; refused messages are no decision."""

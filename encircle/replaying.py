@@ -5,59 +5,30 @@ compares the poses and commands it sends with those recorded. It needs no world 
 is found different was decided differently.
 """
 
-import struct
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Metadata
-from mcap.stream_reader import StreamReader
-
 from agents.core import RobotCore
-from encircle.hunts import read_metadata, recording_of
 from protocol.codec import decode
-from protocol.messages import Command
-from world.run_directory import RunDirectoryError
-from world.scenario import Scenario
+from protocol.messages import Command, Radio
+from world.recording import Recording, RecordingError, read_recording
 
-
-class RecordingError(RunDirectoryError):
-    """A recording that cannot be read; the message says which and why."""
-
-
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """A recording in memory. ``messages``: (tick, topic, payload) in the order of the file.
-
-    ``complete``: whether the file was finished; a killed run's is not, but reads up to its last
-    chunk.
-    """
-
-    path: Path
-    scenario: Scenario
-    seed: int
-    run: str
-    messages: tuple[tuple[int, str, bytes], ...]
-    complete: bool
-
-    def of_channel(self, channel: str) -> Iterator[tuple[int, str, bytes]]:
-        """The messages of one channel: (tick, robot or ``world``, payload)."""
-        for tick, topic, payload in self.messages:
-            parts = topic.split("/")
-            if parts[-1] == channel:
-                yield tick, parts[-2], payload
+__all__ = ["Recording", "RecordingError", "ReplayCheck", "read_recording", "replay"]
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayCheck:
-    """What a replay found. ``differences``: (tick, robot, channel) that came out differently."""
+    """What a replay found. ``differences``: (tick, robot, channel) that came out differently.
+
+    ``unchecked``: what could not be checked, and why; nothing in lock-step.
+    """
 
     ticks: int
     robots: int
     compared: int
     differences: tuple[tuple[int, str, str], ...]
     complete: bool
+    unchecked: tuple[str, ...] = ()
 
     @property
     def same(self) -> bool:
@@ -65,49 +36,25 @@ class ReplayCheck:
         return self.compared > 0 and not self.differences
 
 
-def read_recording(path: str | Path) -> Recording:
-    """Read a run directory's recording, finished or not; ``RecordingError`` if it is none."""
-    file_path = recording_of(path)
-    channels: dict[int, str] = {}
-    metadata: dict[str, str] = {}
-    messages: list[tuple[int, str, bytes]] = []
-    complete = True
-    try:
-        with open(file_path, "rb") as file:
-            try:
-                for record in StreamReader(file).records:
-                    if isinstance(record, Message):
-                        messages.append((record.sequence, channels[record.channel_id], record.data))
-                    elif isinstance(record, Channel):
-                        channels[record.id] = record.topic
-                    elif isinstance(record, Metadata) and record.name == "encircle":
-                        metadata = record.metadata
-            except (McapError, EOFError, ValueError, KeyError, struct.error):
-                complete = False
-    except OSError as error:
-        raise RecordingError(f"{file_path} cannot be read: {error.strerror}") from None
-    try:
-        scenario, seed, run = read_metadata(metadata)
-    except (KeyError, ValueError):  # a scenario that does not load is a ValueError too
-        raise RecordingError(
-            f"{file_path} is not a recording of this program, or its head is damaged"
-        ) from None
-    return Recording(file_path, scenario, seed, run, tuple(messages), complete)
-
-
 def replay(path: str | Path) -> ReplayCheck:
     """Feed a recording's observations to fresh brains and compare what they decide."""
     recording = read_recording(path)
     run = recording.run
+    if recording.scenario.clock == "wall":
+        from encircle.real_time_replay import replay_by_clock
+
+        return replay_by_clock(recording)
     cores = {robot: RobotCore(robot, run) for robot in recording.scenario.ids}
     decided: dict[tuple[int, str, str], bytes] = {}
     differences: list[tuple[int, str, str]] = []
+    heard = set()
     compared = 0
     for tick, topic, payload in recording.messages:
         *_, robot, channel = topic.split("/")
         if channel in ("setup", "observation", "pose", "command") and robot not in cores:
             differences.append((tick, robot, channel))
         elif channel in ("setup", "observation"):
+            heard.add((tick, robot, channel))
             for key, answer in cores[robot].receive(f"encircle/{run}/{topic}", payload):
                 decided[tick, robot, key.rsplit("/", 1)[1]] = answer
         elif channel in ("pose", "command"):
@@ -119,7 +66,14 @@ def replay(path: str | Path) -> ReplayCheck:
     last = max((tick for tick, _, _ in recording.messages), default=0)
     answered = max((tick for tick, _, _ in recording.of_channel("command")), default=-1)
     whole = answered if recording.complete else answered - 1
-    differences += [left for left in decided if left[0] <= whole]
+    spoke = _spoke(recording)
+    for tick, robot, channel in decided:
+        # One that was lost before it had answered in full is not asked next, or is set up first.
+        asked_next = (tick + 1, robot, "observation") in heard
+        lost = not asked_next or (tick + 1, robot, "setup") in heard
+        unanswered = (tick, robot, "command") in decided and (tick, robot) not in spoke
+        if tick <= whole and not (lost and unanswered):
+            differences.append((tick, robot, channel))
     return ReplayCheck(
         last,
         len(cores),
@@ -127,6 +81,18 @@ def replay(path: str | Path) -> ReplayCheck:
         tuple(differences),
         recording.complete,
     )
+
+
+def _spoke(recording: Recording) -> set[tuple[int, str]]:
+    """The ticks at which robots had a packet on the radio, whatever became of it."""
+    return {
+        (tick, robot)
+        for tick, _, payload in recording.of_channel("radio")
+        for robot, fates in zip(
+            recording.scenario.ids, decode(Radio, payload, recording.run).fates, strict=False
+        )
+        if any(fates)
+    }
 
 
 def _same(decided: bytes | None, recorded: bytes, channel: str, run: str) -> bool:

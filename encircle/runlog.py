@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from agents.core import RobotCore
 from agents.kalman import Estimate
-from agents.team import PeerTable, team_of
+from agents.team import PeerTable, team_of, without
 from encircle.memory import Answer, little_garbage
 from encircle.replaying import Recording
 from protocol.messages import Command, Point
@@ -35,6 +35,8 @@ Integers = NDArray[np.int64]
 NAN = float("nan")
 NOWHERE = (NAN, NAN)
 UNKNOWN = (NAN,) * 7
+LOST = "lost"
+"""In place of a lost robot's mode."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,9 @@ class RunLog:
     NaN for those it leaves out. ``due`` and ``copies``: (T, N, N) fates as in
     ``protocol.messages.Radio``, copies 0 where there are none. ``sizes_bytes``: (T, N) of the pose
     packets without the run's name, whose length is no property of the run; 0 where none was sent.
-    ``ended``: the reason that the world gave, None if the recording does not reach the end.
+    ``there``: (T, N) whether the robot took part in the round. One that was lost has a step of
+    zero, the mode ``lost``, and else what a robot has that knows and says nothing. ``ended``: the
+    reason that the world gave, None if the recording does not reach the end.
     """
 
     scenario: Scenario
@@ -71,6 +75,7 @@ class RunLog:
     due: Integers
     copies: Integers
     sizes_bytes: Integers
+    there: NDArray[np.bool_]
     worked_out: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
     """What several measures share, by name; see ``encircle.measuring.once``."""
 
@@ -132,7 +137,7 @@ class RunLog:
 
 
 class Belief(NamedTuple):
-    """What one robot believes at a tick: of itself, its peers and the target."""
+    """What one robot believes at a tick: of itself, of peers that are not lost, of the target."""
 
     position: Point
     peers: PeerTable
@@ -145,7 +150,7 @@ def belief_of(core: RobotCore) -> Belief:
     assert state is not None, "no setup yet"
     assert state.position is not None, "no decision yet"
     # Not the whole state: its track holds a window of estimates.
-    return Belief(state.position, state.peers, state.track.estimate)
+    return Belief(state.position, without(state.peers, state.lost), state.track.estimate)
 
 
 @dataclass(slots=True)
@@ -153,16 +158,23 @@ class Rounds:
     """A run as it comes in, tick by tick and robot by robot; ``log_of`` makes arrays of it.
 
     ``positions``: T + 1 arrays (N + 1 or more, 2); ``due`` and ``copies``: T arrays (N, N), or None
-    without copies; ``commands``, ``sizes_bytes`` and ``beliefs``: T times N.
+    without copies; ``commands``, ``sizes_bytes`` and ``beliefs``: T times N, None and 0 of a robot
+    that is lost.
     """
 
     positions: list[Floats] = field(default_factory=list)
     contacts: list[tuple[int, int, int]] = field(default_factory=list)
-    commands: list[Command] = field(default_factory=list)
+    commands: list[Command | None] = field(default_factory=list)
     sizes_bytes: list[int] = field(default_factory=list)
-    beliefs: list[Belief] = field(default_factory=list)
+    beliefs: list[Belief | None] = field(default_factory=list)
     due: list[Integers] = field(default_factory=list)
     copies: list[Integers | None] = field(default_factory=list)
+
+    def lose(self) -> None:
+        """The next robot in turn is lost: it believes, says and commands nothing."""
+        self.commands.append(None)
+        self.beliefs.append(None)
+        self.sizes_bytes.append(0)
 
 
 def log_of(
@@ -172,13 +184,16 @@ def log_of(
     count, ticks = len(scenario.ids), len(rounds.due)
     commands = rounds.commands
     estimates = _table(
-        [(*b.estimate[:4], *b.estimate[4]) if b.estimate else UNKNOWN for b in rounds.beliefs],
+        [
+            (*b.estimate[:4], *b.estimate[4]) if b is not None and b.estimate else UNKNOWN
+            for b in rounds.beliefs
+        ],
         (ticks, count, 7),
     )
     parameters = Parameters.from_mapping(scenario.parameters)
     none = np.zeros((count, count), np.int64)
     copies = [none if table is None else table for table in rounds.copies]
-    points = [-1 if c.point is None else c.point for c in commands]
+    points = [-1 if c is None or c.point is None else c.point for c in commands]
     by_robot, by_link = (ticks, count), (ticks, count, count)
     return RunLog(
         scenario=scenario,
@@ -187,17 +202,22 @@ def log_of(
         ended=ended,
         positions=np.array(rounds.positions)[:, : count + 1],
         contacts=np.array(rounds.contacts, np.int64).reshape(-1, 3),
-        steps=_table([c.step for c in commands], (*by_robot, 2)),
-        modes=np.array([c.mode for c in commands], np.str_).reshape(by_robot),
-        xi=np.array([NAN if c.xi is None else c.xi for c in commands]).reshape(by_robot),
+        steps=_table([(0.0, 0.0) if c is None else c.step for c in commands], (*by_robot, 2)),
+        modes=np.array([LOST if c is None else c.mode for c in commands], np.str_).reshape(
+            by_robot
+        ),
+        xi=np.array([NAN if c is None or c.xi is None else c.xi for c in commands]).reshape(
+            by_robot
+        ),
         points=np.array(points, np.int64).reshape(by_robot),
-        goals=_table([c.goal or NOWHERE for c in commands], (*by_robot, 2)),
+        goals=_table([(c and c.goal) or NOWHERE for c in commands], (*by_robot, 2)),
         estimates=estimates[..., :4],
         covariances=estimates[..., 4:],
         believed=_table(_believed(rounds.beliefs, count, parameters), (*by_link, 2)),
         due=np.array(rounds.due, np.int64).reshape(by_link),
         copies=np.array(copies, np.int64).reshape(by_link),
         sizes_bytes=np.array(rounds.sizes_bytes, np.int64).reshape(by_robot),
+        there=np.array([c is not None for c in commands], np.bool_).reshape(by_robot),
     )
 
 
@@ -207,10 +227,14 @@ def _table(rows: Sequence[tuple[float, ...]], shape: tuple[int, ...]) -> Floats:
     return np.fromiter(chain.from_iterable(rows), np.float64, size).reshape(shape)
 
 
-def _believed(beliefs: Sequence[Belief], count: int, parameters: Parameters) -> list[Point]:
+def _believed(beliefs: Sequence[Belief | None], count: int, parameters: Parameters) -> list[Point]:
     """Where each robot takes each of the whole team to be, for all beliefs in turn."""
     places: list[Point] = []
-    for row, (position, peers, _) in enumerate(beliefs):
+    for row, belief in enumerate(beliefs):
+        if belief is None:
+            places += [NOWHERE] * count
+            continue
+        position, peers, _ = belief
         tick, own = divmod(row, count)
         members, _, positions = team_of(peers, own, position, tick, parameters)
         if len(members) < count:
@@ -228,12 +252,16 @@ class Collector:
         self._world: WorldCore | None = None
 
     def decided(
-        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[Answer]
+        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[Answer | None]
     ) -> None:
-        """Every robot has answered at the world's tick."""
+        """Every robot that is there has answered at the world's tick."""
         self._look(world)
         rounds, name_bytes = self._rounds, len(world.run)
-        for core, (packet, command) in zip(robots, answers, strict=True):
+        for core, answer in zip(robots, answers, strict=True):
+            if answer is None:
+                rounds.lose()
+                continue
+            packet, command = answer
             rounds.beliefs.append(belief_of(core))
             rounds.commands.append(command)
             rounds.sizes_bytes.append(len(packet) - name_bytes if packet else 0)

@@ -4,5 +4,5 @@ Nothing here decides anything about a hunt. The modules are usable on their own 
 viewer written elsewhere; ``docs/protocol.md`` is the reference for those in other languages.
 """
 
-VERSION = 2
+VERSION = 3
 """Version of the wire format, carried as ``v`` in every message."""

@@ -3,7 +3,8 @@
 Everything goes through explicit endpoints, of the form ``protocol/address`` as in
 ``tcp/127.0.0.1:7447``. A party that listens nowhere is a client: of the world itself, or of a
 router. One that listens is a peer, and a full mesh is peers that list each other. A Zenoh
-configuration file may say all this instead, and more, such as certificates.
+configuration file may say all this instead, and more. Certificates say who a party is
+(``protocol.security``).
 
 A listener is reachable from this machine alone unless something authenticates who connects, or the
 user gives up authentication by name.
@@ -16,9 +17,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from protocol.codec import BYTES_MAX
+
 Mode = Literal["client", "peer", "router"]
 
 CONNECT_S_MAX = 30.0
+MESSAGE_BYTES_MAX = max(BYTES_MAX.values()) + 1024
+"""The longest message of the protocol, and some more, so that one that is too long is counted."""
 BY_HOST_AND_PORT = ("tcp", "udp", "tls", "quic", "ws")
 ON_THIS_MACHINE = ("unixsock-stream", "unixpipe")
 OTHERS = ("serial", "vsock")
@@ -35,12 +40,27 @@ class AccessError(LinkError):
 
 
 @dataclass(frozen=True, slots=True)
+class Identity:
+    """Who a party is: its certificate, the key to it, and the authority whose word it takes.
+
+    Paths of PEM files. Only the party itself should be able to read ``key``.
+    """
+
+    authority: Path
+    certificate: Path
+    key: Path
+
+
+@dataclass(frozen=True, slots=True)
 class Access:
     """Where to listen and where to connect; raises ``AccessError`` for what cannot be meant.
 
     ``mode``: None is what the configuration file says, else peer if it listens, else client.
     ``config``: a Zenoh configuration file (JSON5), which the other fields overrule.
     ``connect_s_max``: how long to go on trying, in s.
+    ``identity``: with one, connections are made with certificates alone, and who listens is a gate
+    (``protocol.security``), with ``direct_radio`` one at which robots hear each other's poses.
+    ``message_bytes_max``: Zenoh drops longer messages as they come in, and keeps the session.
     """
 
     listen: tuple[str, ...] = ()
@@ -49,6 +69,9 @@ class Access:
     config: Path | None = None
     without_authentication: bool = False
     connect_s_max: float = CONNECT_S_MAX
+    identity: Identity | None = None
+    direct_radio: bool = False
+    message_bytes_max: int = MESSAGE_BYTES_MAX
 
     def __post_init__(self) -> None:
         if not (self.listen or self.connect or self.config):
@@ -77,6 +100,13 @@ def check_endpoint(kind: str, endpoint: str, port_min: int = 1) -> None:
     elif protocol not in (*ON_THIS_MACHINE, *OTHERS):
         known = ", ".join(BY_HOST_AND_PORT)
         raise AccessError(f"{kind} = {endpoint!r}: protocol {protocol!r} is not one of {known}")
+
+
+def host_and_port(endpoint: str) -> tuple[str, int]:
+    """Host and port of an endpoint that has them and has been checked."""
+    found = _HOST_AND_PORT.fullmatch(_address(endpoint))
+    assert found is not None, endpoint
+    return found[1].strip("[]"), int(found[2])
 
 
 def reachable_from_elsewhere(endpoints: Iterable[str]) -> tuple[str, ...]:

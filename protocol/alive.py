@@ -9,9 +9,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from protocol.access import Access, AccessError, LinkError, here
+from protocol.access import Access, AccessError, Identity, LinkError, here
 from protocol.keys import robot_key, world_key
-from protocol.options import Options, name_of, seconds
+from protocol.options import Options, identity, name_of, seconds
 from protocol.zenoh_link import has_neighbours, is_alive, open_session
 
 PARTIES = ("router", "world", "robot")
@@ -39,7 +39,14 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
         options.error("--robot is missing: give it, or set ENCIRCLE_ROBOT")
     connect = found.connect or [here(endpoint) for endpoint in found.listen]
     try:
-        where = Access((), tuple(connect), "client", found.zenoh_config, False, found.check_timeout)
+        where = Access(
+            (),
+            tuple(connect),
+            "client",
+            found.zenoh_config,
+            connect_s_max=found.check_timeout,
+            identity=_identity(found),
+        )
         there = look(where, found)
     except AccessError as error:
         options.error(str(error))
@@ -64,6 +71,13 @@ def look(where: Access, found: argparse.Namespace) -> bool:
         world = found.what == "world"
         key = world_key(found.run, "alive") if world else robot_key(found.run, found.robot, "alive")
         return is_alive(session, key, found.check_timeout)
+
+
+def _identity(found: argparse.Namespace) -> Identity | None:
+    """Inside a party's container it is the party itself that asks, elsewhere an onlooker."""
+    party = found.robot if found.what == "robot" else found.what
+    own = found.certificates is not None and (found.certificates / f"{party}.key").exists()
+    return identity(found.certificates, party if own else None)
 
 
 def _party(value: str) -> str:

@@ -1,7 +1,8 @@
 """Messages to bytes and back. One msgpack map per message, string keys, ``v`` and ``run`` first.
 
-Decoding trusts nothing: length, version, run, the exact set of fields, each field's type and every
-number's finiteness are checked, and the error names the field, its value and who sent it. Encoding
+Decoding trusts nothing: length, version, run, the exact set of fields, each once, each field's type
+and every number's finiteness are checked, and the error names the field, its value and who sent it.
+What is long is looked through before it is unpacked, which takes far more memory. Encoding
 is canonical (fixed field order, no optional fields left out), so equal messages have equal bytes.
 """
 
@@ -18,6 +19,8 @@ import msgpack
 from protocol import VERSION
 from protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
 from protocol.messages import (
+    HEARD_MAX,
+    RADIOS,
     RELAYED_MAX,
     Command,
     End,
@@ -27,7 +30,9 @@ from protocol.messages import (
     Radio,
     Setup,
     State,
+    Timing,
 )
+from protocol.packing import Twice, bytes_in_list, check_names, map_size
 
 Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
 
@@ -44,6 +49,10 @@ BYTES_MAX: dict[type[Any], int] = {
     State: 256 * 1024,
     Radio: 1024 * 1024,
 }
+LEAN_BYTES_MAX = 64 * 1024
+"""What an observation takes at most besides its packets, for the largest team."""
+PACKET_BYTES_MIN = 64
+"""No pose is shorter: the names of its fields alone take more."""
 TEXT_MAX = 256
 LIST_MAX = 256
 HEADER_BYTES = 9  # map size, "v", version, "run", and the size of a name below 32 letters
@@ -52,15 +61,17 @@ COUNT_MAX = 2**53 - 1
 NUMBER_MAX = 1e9
 """Larger numbers are refused: squared and summed they must stay finite and keep their meaning."""
 _FLOAT, _STR, _BYTES, _NUMBERS = {float}, {str}, {bytes}, {float, int}
+_PLAIN, _HOLDERS = {str, bytes, bool, type(None)}, {dict, tuple}
 _SIGHTING = (str, float, float)
 OPENED_MAX = 4096
 _opened: dict[tuple[bytes, str], Pose] = {}
 _NONE = type(None)
 _POSE_TYPES = frozenset(
-    (int, str, str, int, int, tuple, tuple, detection, str, xi, point, tuple)
+    (int, str, str, int, int, tuple, tuple, detection, str, xi, point, tuple, sent_us)
     for detection in (tuple, _NONE)
     for xi in (float, _NONE)
     for point in (int, _NONE)
+    for sent_us in (int, _NONE)
 )
 
 
@@ -131,7 +142,8 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
     values = tuple(body.values())
     if tuple(map(type, values)) not in _POSE_TYPES:
         return None
-    _, _, robot, tick, sequence, position, velocity, detection, mode, xi, point, relayed = values
+    _, _, robot, tick, sequence, *rest = values
+    position, velocity, detection, mode, xi, point, relayed, sent_us = rest
     numbers = position + velocity + (detection or ()) + (() if xi is None else (xi,))
     if (
         len(position) == len(velocity) == 2
@@ -142,11 +154,12 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
         and 0 <= tick <= COUNT_MAX
         and 0 <= sequence <= COUNT_MAX
         and (point is None or 0 <= point <= COUNT_MAX)
+        and (sent_us is None or 0 <= sent_us <= COUNT_MAX)
         and len(robot) <= TEXT_MAX
         and len(mode) <= TEXT_MAX
         and (not relayed or _are_plain_reports(relayed))
     ):
-        return Pose(robot, tick, sequence, position, velocity, detection, mode, xi, point, relayed)
+        return Pose(robot, tick, sequence, *rest)
     return None
 
 
@@ -159,6 +172,8 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
         raise OversizedMessage(
             f"{kind.__name__} of {len(payload)} bytes, at most {BYTES_MAX[kind]} are allowed"
         )
+    if len(payload) > LEAN_BYTES_MAX and kind is Observation:
+        _check_bulk(payload)
     try:
         body = msgpack.unpackb(payload, use_list=False)
     except Exception as error:  # msgpack raises ValueError, TypeError, StackError and others
@@ -174,14 +189,47 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
     names, checks = _NAMES[kind], _CHECKS[kind]
     if tuple(body) == names:
         values = tuple(body.values())[2:]
+        # Unpacked, a field that came twice is there once; the map's header tells.
+        if payload[0] != 0x80 + len(names) and map_size(payload) != len(names):
+            raise _doubled(kind)
     elif len(body) == len(names) and all(name in body for name in names):
         values = tuple([body[name] for name in names[2:]])
+        if map_size(payload) != len(names):
+            raise _doubled(kind)
     else:
         raise _wrong_fields(kind, body)
+    place = _MAPS.get(kind)
+    if place is not None and values[place]:
+        _check_names(kind, payload)
     try:
         return kind(*[check(value) for check, value in zip(checks, values, strict=True)])
     except (TypeError, ValueError):
         raise _wrong_value(kind, body, values) from None
+
+
+def _check_bulk(payload: bytes) -> None:
+    """Refuse an observation that is long by anything but packets, without unpacking it."""
+    try:
+        packets = bytes_in_list(payload, "inbox", PACKET_BYTES_MIN, len(_NAMES[Observation]))
+    except Exception as error:  # as in decode
+        raise MalformedMessage(f"Observation is not msgpack: {error or type(error)}") from error
+    if len(payload) - packets > LEAN_BYTES_MAX:
+        raise MalformedMessage(
+            f"Observation has {len(payload) - packets} bytes besides its packets,"
+            f" at most {LEAN_BYTES_MAX} are allowed"
+        )
+
+
+def _check_names(kind: type[Any], payload: bytes) -> None:
+    """Refuse a name that comes twice in a map inside the message."""
+    try:
+        check_names(payload)
+    except Twice as error:
+        raise MalformedMessage(f"{kind.__name__}: {_shown(str(error))} comes twice") from None
+
+
+def _doubled(kind: type[Any]) -> MalformedMessage:
+    return MalformedMessage(f"{kind.__name__}: a field comes twice")
 
 
 def _wrong_value(
@@ -334,13 +382,48 @@ def _report(value: Any) -> tuple[str, int, float, float]:
 
 
 def _parameters(value: Any) -> dict[str, Any]:
+    found = _map(value)
+    waiting: list[Any] = [found]
+    while waiting:  # no recursion: a stranger may nest them a thousand deep
+        holder = waiting.pop()
+        for part in _map(holder).values() if type(holder) is dict else holder:
+            if type(part) in _HOLDERS:
+                waiting.append(part)
+            elif type(part) in _NUMBERS:
+                _number(part)
+            elif type(part) not in _PLAIN:
+                raise ValueError("made of numbers, texts, truth values, lists and maps")
+    return found
+
+
+def _map(value: Any) -> dict[str, Any]:
     if type(value) is dict and all(type(name) is str for name in value):
         return value
     raise ValueError("a map with string keys")
 
 
 def _counts(value: Any) -> dict[str, int]:
-    return {_text(name): _count(number) for name, number in _parameters(value).items()}
+    return {_text(name): _count(number) for name, number in _map(value).items()}
+
+
+def _radio(value: Any) -> str:
+    if value in RADIOS:
+        return str(value)
+    raise ValueError(f"one of {', '.join(RADIOS)}")
+
+
+def _timing(value: Any) -> Timing:
+    if type(value) is not tuple or len(value) != 3 or type(value[2]) is not tuple:
+        raise ValueError("two times in us and a list")
+    if len(value[2]) > HEARD_MAX:
+        raise ValueError(f"at most {HEARD_MAX} poses heard")
+    return _count(value[0]), _count(value[1]), tuple([_heard(item) for item in value[2]])
+
+
+def _heard(value: Any) -> tuple[str, int, int]:
+    if type(value) is not tuple or len(value) != 3:
+        raise ValueError("made of a robot's id, a sequence number and a time in us each")
+    return _text(value[0]), _count(value[1]), _count(value[2])
 
 
 def _optional(check: Callable[[Any], A]) -> Callable[[Any], A | None]:
@@ -386,6 +469,13 @@ _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "scan": _scan,
     "seen": _seen,
     "inbox": _packets,
+    "lost": _texts,
+    "sent_us": _optional(_count),
+    "admitted": _optional(_many(_pair(_text, _count))),
+    "timing": _optional(_timing),
+    "radio": _radio,
+    "first_tick": _count,
+    "answer_tick": _count,
     "mode": _text,
     "xi": _optional(_number),
     "point": _optional(_count),
@@ -414,3 +504,8 @@ _CHECKS: dict[type[Any], tuple[Callable[[Any], Any], ...]] = {
     )
     for kind, names in _NAMES.items()
 }
+_MAPS = {
+    Setup: _NAMES[Setup].index("parameters") - 2,
+    Command: _NAMES[Command].index("refused") - 2,
+}
+"""Where a message has a map inside."""

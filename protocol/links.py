@@ -5,7 +5,8 @@ shells of robot and world are written against ``Link`` and run unchanged over ei
 """
 
 import queue
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from fnmatch import fnmatchcase
 from typing import Protocol
 
 from protocol.errors import LinkClosed
@@ -21,6 +22,12 @@ class Link(Protocol):
 
     def receive(self) -> tuple[str, bytes]:
         """Wait for the next message; raises ``LinkClosed`` once the link is closed."""
+
+    def overhear(self, expression: str, tell: Callable[[str, bytes], None]) -> Callable[[], None]:
+        """Also call ``tell(key, payload)`` from another thread for messages of others.
+
+        ``expression``: a key in which ``*`` stands for any part. Calling what is returned ends it.
+        """
 
     def close(self) -> None:
         """Close the link and wake whoever waits in ``receive``. May be called twice."""
@@ -41,8 +48,13 @@ class MemoryHub:
     def deliver(self, sender: "MemoryLink", key: str, payload: bytes) -> None:
         """Put a message into the queue of each link that takes it, but its sender's."""
         for link in self._links:
-            if link is not sender and not link.closed and key.startswith(link.prefixes):
+            if link is sender or link.closed:
+                continue
+            if key.startswith(link.prefixes):
                 link.inbox.put((key, payload), timeout=10.0)
+            for expression, tell in list(link.overheard.values()):
+                if fnmatchcase(key, expression):
+                    tell(key, payload)
 
 
 class MemoryLink:
@@ -53,6 +65,7 @@ class MemoryLink:
         self.closed = False
         self.prefixes = prefixes
         self.inbox: queue.Queue[tuple[str, bytes] | None] = queue.Queue(QUEUE_MAX)
+        self.overheard: dict[object, tuple[str, Callable[[str, bytes], None]]] = {}
 
     def send(self, key: str, payload: bytes) -> None:
         """Deliver at once to every other link that takes the key."""
@@ -67,6 +80,16 @@ class MemoryLink:
             self.inbox.put(None)
             raise LinkClosed("this link is closed")
         return item
+
+    def overhear(self, expression: str, tell: Callable[[str, bytes], None]) -> Callable[[], None]:
+        """Have ``tell`` called for what others send on such keys; the sender's thread calls it."""
+        listener = object()
+        self.overheard[listener] = expression, tell
+
+        def end() -> None:
+            self.overheard.pop(listener, None)
+
+        return end
 
     def close(self) -> None:
         """Close, and wake the receiver."""

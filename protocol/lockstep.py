@@ -3,7 +3,8 @@
 The world asks every robot (an observation), and each answers with exactly one pose and one command
 for that tick, in either order, or with a command alone that says that no pose comes. The legal
 moves of one robot are the table below; whatever else arrives is out of turn. A round is complete
-when no robot is asked or half-answered any more.
+when no robot is asked or half-answered any more. A robot that has left is not asked, and owes
+nothing, until it joins again.
 """
 
 from collections.abc import Sequence
@@ -46,6 +47,7 @@ TABLE: dict[tuple[Phase, Move], Phase] = {
     (Phase.ASKED, Move.LEAVE): Phase.LEFT,
     (Phase.POSED, Move.LEAVE): Phase.LEFT,
     (Phase.COMMANDED, Move.LEAVE): Phase.LEFT,
+    (Phase.LEFT, Move.JOIN): Phase.IDLE,
 }
 _UNANSWERED = (Phase.ASKED, Phase.POSED, Phase.COMMANDED)
 

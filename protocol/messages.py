@@ -10,10 +10,13 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 Point: TypeAlias = tuple[float, float]
+Timing: TypeAlias = tuple[int, int, tuple[tuple[str, int, int], ...]]
 
 QUANTA_PER_M = float(2**20)
 QUANTUM_M = 1.0 / QUANTA_PER_M
 RELAYED_MAX = 16
+HEARD_MAX = 64
+RADIOS = ("world", "direct")
 
 
 def quantise_m(length_m: float) -> float:
@@ -23,9 +26,13 @@ def quantise_m(length_m: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """World to robot, once at joining: all that a robot needs to know besides its own id.
+    """World to robot, at joining: all that a robot needs to know besides its own id.
 
-    ``team`` lists every robot's id in robot order, the order in which all ties break.
+    ``team`` lists every robot's id in robot order, the order in which all ties break. A robot that
+    gets a setup forgets what it knew: ``first_tick`` is the tick of its first observation, and
+    observations before ``answer_tick`` are only remembered, not answered (they bring a robot up to
+    date that joins a run again which a new world has taken up). ``radio`` is who carries poses:
+    ``world`` (they come in the observation's inbox) or ``direct`` (robots hear each other).
     """
 
     robot: str
@@ -33,6 +40,9 @@ class Setup:
     tick_s: float
     strategy: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    radio: str = "world"
+    first_tick: int = 0
+    answer_tick: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +52,11 @@ class Observation:
     ``scan[m]`` is the distance in m from the robot's centre to the nearest surface along the ray
     with bearing ``2 pi m / len(scan)`` in the world frame, or the sensing range if there is none.
     ``seen`` holds the robots in range and in sight as ``(id, x, y)``. ``inbox`` holds the pose
-    packets that the radio delivers at this tick, as their senders encoded them.
+    packets that the radio delivers at this tick, as their senders encoded them. ``lost`` names the
+    robots whose liveliness tokens are gone. ``sent_us`` is the sender's clock (Unix time in us) in
+    real time, None in lock-step, where no clock may show. ``admitted`` is the inbox by reference,
+    where robots hear each other: the packets ``(sender, sequence)`` that the modelled radio lets
+    through at this tick, None if it lets everything through.
     """
 
     robot: str
@@ -53,6 +67,9 @@ class Observation:
     scan: tuple[float, ...]
     seen: tuple[tuple[str, float, float], ...]
     inbox: tuple[bytes, ...]
+    lost: tuple[str, ...] = ()
+    sent_us: int | None = None
+    admitted: tuple[tuple[str, int], ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +78,7 @@ class Pose:
 
     ``detection`` is the sender's own, of this tick. ``relayed`` passes on what others detected
     earlier, each as ``(origin, tick, x, y)``, at most ``RELAYED_MAX``, so that a detection can take
-    a way round a bad link.
+    a way round a bad link. ``sent_us``: as in ``Observation``.
     """
 
     robot: str
@@ -74,6 +91,7 @@ class Pose:
     xi: float | None
     point: int | None
     relayed: tuple[tuple[str, int, float, float], ...] = ()
+    sent_us: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +103,9 @@ class Command:
     ``velocity`` or ``hold``), ``refused`` how many messages it has refused so far by cause,
     and under ``late-detection`` how many detections came too late for its filter.
     ``published`` tells whether the robot sends its peers a pose at this tick; if not, the command
-    alone is its answer.
+    alone is its answer. ``timing`` is None in lock-step, and in real time what the robot's clock
+    said: when the observation came, when this was sent, and when each pose came that it has heard
+    directly since its last command, as ``(sender, sequence, us)``.
     """
 
     robot: str
@@ -100,6 +120,7 @@ class Command:
     team: tuple[str, ...]
     published: bool = True
     refused: Mapping[str, int] = field(default_factory=dict)
+    timing: Timing | None = None
 
 
 @dataclass(frozen=True, slots=True)

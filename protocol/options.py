@@ -13,10 +13,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
-from protocol.access import Access, Mode
+from protocol.access import Access, AccessError, Identity, Mode
 from protocol.keys import check_name
 
 PREFIX = "ENCIRCLE_"
+GATES = ("router", "world")
 YES, NO = ("1", "yes", "true", "on"), ("0", "no", "false", "off")
 S_MAX = 86_400.0
 
@@ -109,6 +110,12 @@ class Options:
             separators=r",\s",
         )
         self.add(
+            "--certificates",
+            "directory with this party's certificate and key, as encircle certificates makes them",
+            read=Path,
+            metavar="DIR",
+        )
+        self.add(
             "--zenoh-config",
             "a Zenoh configuration file, for all that the options here leave open",
             read=Path,
@@ -159,8 +166,21 @@ def without_settings(environment: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in environment.items() if not name.startswith(PREFIX)}
 
 
-def access(options: argparse.Namespace, connect_s_max: float, mode: Mode | None = None) -> Access:
-    """What the options of ``add_access`` say; raises ``AccessError``."""
+def access(
+    options: argparse.Namespace,
+    connect_s_max: float,
+    mode: Mode | None = None,
+    name: str | None = None,
+) -> Access:
+    """What the options of ``add_access`` say; raises ``AccessError``.
+
+    ``name``: whose certificate to show; without one, that of an onlooker.
+    """
+    if options.certificates and options.listen and name not in (None, *GATES):
+        raise AccessError(
+            f"listen = {options.listen[0]}: with certificates only {' and '.join(GATES)} listen,"
+            f" and {name} connects to them"
+        )
     return Access(
         tuple(options.listen),
         tuple(options.connect),
@@ -168,7 +188,18 @@ def access(options: argparse.Namespace, connect_s_max: float, mode: Mode | None 
         options.zenoh_config,
         options.without_authentication,
         connect_s_max,
+        identity(options.certificates, name),
     )
+
+
+def identity(directory: Path | None, name: str | None) -> Identity | None:
+    """The identity of a party, or of an onlooker without a name; raises ``AccessError``."""
+    if directory is None:
+        return None
+    # A party without certificates need not load a library for them.
+    from protocol.identities import identity_of, onlookers_identity
+
+    return identity_of(directory, name) if name else onlookers_identity(directory)
 
 
 def seconds(value: str) -> float:

@@ -84,6 +84,8 @@ class Parameters:
     """A robot keeps its encirclement point unless changing shortens the team's way by more."""
     search: str = "spiral"
     """Before anything is known of the target: ``hold`` still or ``spiral`` outwards."""
+    silence_ticks_max: int = 10
+    """In real time, a robot that has had no observation for so long stops and says no more."""
     clearance_m: float = 0.08
     """Distance kept between bodies by avoidance, beyond touching."""
 
@@ -186,6 +188,7 @@ _RANGES = (
     ("extrapolate_ticks_max", 0, 100_000),
     ("peer_age_ticks_max", 1, 100_000),
     ("switch_gain_m", 0.0, 1e4),
+    ("silence_ticks_max", 1, 100_000),
     ("clearance_m", 0.0, 10.0),
 )
 _CHOICES = {

@@ -125,3 +125,14 @@ def counted() -> Iterator[Refusals]:
             # With this the pipe's last writing end is gone, and the reader comes to an end.
             os.dup2(printed.fileno(), 1)
             reader.join()
+
+
+@contextlib.contextmanager
+def refusals_told(party: str, counts: bool) -> Iterator[None]:
+    """As ``counted``, if asked for, with a line on standard error at the end."""
+    if not counts:
+        yield
+        return
+    with counted() as refusals:
+        yield
+    print(f"{party}: refused: {refusals}", file=sys.stderr, flush=True)

@@ -10,12 +10,16 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
+from protocol.about import ROUTER_KEY, replier
 from protocol.access import CONNECT_S_MAX, AccessError, LinkError
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.options import Options, access, name_of
-from protocol.zenoh_link import open_session, subscribe_alive, warning
+from protocol.refusals import refusals_told
+from protocol.security import ROUTER
+from protocol.zenoh_link import answer, clock_us, open_session, subscribe_alive, warning
 
 END_S_MAX = 5.0
 STEP_S = 0.5
@@ -46,16 +50,23 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
     """Route until SIGTERM or SIGINT, or for one run; returns the exit status."""
     options = Options(program, "Route the messages of any number of runs.")
     options.add_access()
+    options.add_flag("--direct-radio", "with certificates: let robots hear each other's poses")
+    options.add_flag("--count-refusals", "say at the end what certificates kept out; costs time")
     options.add("--for-run", "end by itself after this run", read=name_of("run"), metavar="RUN")
     found = options.parse(arguments)
     changes: Changes = queue.SimpleQueue()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: changes.put(None))
     try:
-        where = access(found, CONNECT_S_MAX, "router")
+        where = access(found, CONNECT_S_MAX, "router", ROUTER)
+        where = replace(where, direct_radio=found.direct_radio)
         said = warning(where)
-        with open_session(where) as session:
+        with (
+            refusals_told("router", found.count_refusals),
+            open_session(where) as session,
+        ):
             print(f"router: {said or f'listening on {where}'}", file=sys.stderr, flush=True)
+            _kept = answer(session, ROUTER_KEY, replier("router", clock_us))
             _route(session, found.for_run, changes)
     except AccessError as error:
         options.error(str(error))

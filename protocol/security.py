@@ -14,12 +14,11 @@ there. Settings are a mapping from names in Zenoh's configuration to values.
 
 import json
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from protocol.access import AccessError
-from protocol.codec import BYTES_MAX
+from protocol.about import ROUTER_KEY
+from protocol.access import MESSAGE_BYTES_MAX, AccessError, Identity
 from protocol.keys import robot_key, world_key
 
 AUTHORITY, WORLD, ROUTER, VIEWER = "authority", "world", "router", "viewer"
@@ -27,24 +26,10 @@ TEAM_MAX = 256
 TEAM = tuple(f"r{number}" for number in range(1, TEAM_MAX + 1))
 """The ids of the largest team, for a gate that is not told which robots there are."""
 ENCRYPTED = ("tls", "quic")
-MESSAGE_BYTES_MAX = max(BYTES_MAX.values()) + 1024
-"""Zenoh drops larger messages as they come in (its own limit is 1 GiB), and keeps the session."""
 RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2}
 """Slower than without TLS: a listener pauses for 0.1 s after every handshake that fails."""
 
 Settings = dict[str, Any]
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """Who a party is: its certificate, the key to it, and the authority whose word it takes.
-
-    Paths of PEM files. Only the party itself should be able to read ``key``.
-    """
-
-    authority: Path
-    certificate: Path
-    key: Path
 
 
 class Part(NamedTuple):
@@ -53,7 +38,8 @@ class Part(NamedTuple):
     ``puts``: keys that it publishes on. ``finds``: subscriptions of others that it is told of, for
     Zenoh holds a message back at its source until one is known. ``takes``: its own subscriptions,
     each of which must lie within one of these. ``hears``: keys of the messages that are passed on
-    to it. ``lives``: its liveliness tokens. ``watches``: tokens that it is told of.
+    to it. ``lives``: its liveliness tokens. ``watches``: tokens that it is told of. ``tells``: keys
+    on which it answers queries about itself. ``asks``: those on which it may ask others.
     """
 
     puts: tuple[str, ...] = ()
@@ -62,6 +48,8 @@ class Part(NamedTuple):
     hears: tuple[str, ...] = ()
     lives: tuple[str, ...] = ()
     watches: tuple[str, ...] = ()
+    tells: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
 
 
 ALL_MESSAGES = (
@@ -168,6 +156,8 @@ def robot_part(run: str, robot: str, direct_radio: bool = False) -> Part:
         hears=(*told, *peers),
         lives=(own,),
         watches=(own, world_key(run, "alive")),
+        tells=(robot_key(run, robot, "about"),),
+        asks=_about(run),
     )
 
 
@@ -182,6 +172,8 @@ def world_part(run: str) -> Part:
         hears=tuple(robot_key(run, "*", channel) for channel in ("pose", "command")),
         lives=(own,),
         watches=(own, robot_key(run, "*", "alive")),
+        tells=(world_key(run, "about"),),
+        asks=_about(run),
     )
 
 
@@ -192,7 +184,13 @@ def viewer_part(run: str) -> Part:
         takes=state,
         hears=state,
         watches=(world_key(run, "alive"), robot_key(run, "*", "alive")),
+        asks=_about(run),
     )
+
+
+def _about(run: str) -> tuple[str, ...]:
+    """Whom everybody may ask for versions and clock: ``encircle doctor`` does, on any host."""
+    return world_key(run, "about"), robot_key(run, "*", "about"), ROUTER_KEY
 
 
 def configuration_file(settings: Mapping[str, Any]) -> str:
@@ -232,6 +230,10 @@ def _rules(name: str, part: Part) -> list[Settings]:
         ("lives", ("liveliness_token",), "ingress", part.lives),
         ("watches", asks, "ingress", part.watches),
         ("sees", ("liveliness_token",), "egress", part.watches),
+        ("tells", ("declare_queryable", "reply"), "ingress", part.tells),
+        ("is asked", ("query",), "egress", part.tells),
+        ("asks", ("query",), "ingress", part.asks),
+        ("is told", ("reply",), "egress", part.asks),
     )
     return [
         _rule(f"{name} {verb}", messages, (flow,), expressions)

@@ -18,21 +18,35 @@ from typing import Any, NamedTuple
 
 import zenoh
 
-from protocol.access import Access, AccessError, LinkError, reachable_from_elsewhere
+from protocol.about import replier
+from protocol.access import (
+    Access,
+    AccessError,
+    Identity,
+    LinkError,
+    reachable_from_elsewhere,
+)
 from protocol.errors import LinkClosed
+from protocol.security import settings
 
 __all__ = [
     "LinkError",
     "ZenohLink",
+    "alive_keys",
+    "ask",
     "configuration",
+    "endpoints",
     "has_neighbours",
     "is_alive",
     "open_session",
+    "overheard",
     "subscribe_alive",
     "warning",
 ]
 
 INBOX_MAX = 4096
+INBOX_BYTES_MAX = 256 * 1024 * 1024
+"""What may wait for this party, in messages and in bytes; when it is full, senders wait."""
 CONNECT_RETRY_MS = 20
 CONNECT_RETRY_MS_MAX = 200
 ERROR_CHARACTERS_MAX = 300
@@ -41,6 +55,8 @@ ROUTER_S_MAX = 10.0
 SETTLE_S = 0.2
 """How long after a token a connection may be seen to go, if one router took both with it."""
 PATIENCE_STEP_S = 0.1
+OVERHEARD_MAX = 1024
+_BYTES_MAX = "transport/link/rx/max_message_size"
 _SOURCE_LINE = re.compile(r" at /\S+\.rs:\d+\.")
 
 
@@ -48,18 +64,32 @@ class ZenohLink:
     """A ``protocol.links.Link`` over one Zenoh session.
 
     ``takes``: key expression of the messages to receive; what this session sends itself never
-    comes back. Raises ``LinkError``.
+    comes back. ``check``: called before anything is received, and may raise to go no further.
+    Raises ``LinkError``.
     """
 
-    def __init__(self, access: Access, takes: str) -> None:
+    def __init__(
+        self,
+        access: Access,
+        takes: str,
+        check: Callable[[zenoh.Session], None] = lambda _session: None,
+    ) -> None:
         self._session = open_session(access)
+        try:
+            # Before: what nobody receives would soon fill the inbox, and then hold up the others.
+            check(self._session)
+        except BaseException:
+            self._session.close()  # type: ignore[no-untyped-call]
+            raise
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._tokens: list[zenoh.LivelinessToken] = []
         self._watchers: list[Any] = []
         self._closing = threading.Lock()
         self._closed = threading.Event()
+        # Zenoh bounds a channel by count alone, and a message by its bytes.
+        count_max = min(INBOX_MAX, INBOX_BYTES_MAX // access.message_bytes_max)
         self._inbox = self._session.declare_subscriber(
-            takes, zenoh.handlers.FifoChannel(INBOX_MAX), allowed_origin=zenoh.Locality.REMOTE
+            takes, zenoh.handlers.FifoChannel(count_max), allowed_origin=zenoh.Locality.REMOTE
         )
 
     @property
@@ -87,6 +117,23 @@ class ZenohLink:
             raise LinkClosed(str(error)) from None
         return str(sample.key_expr), sample.payload.to_bytes()
 
+    def overhear(self, expression: str, tell: Callable[[str, bytes], None]) -> Callable[[], None]:
+        """As in ``protocol.links.Link``; ``tell`` is called on one of Zenoh's threads."""
+
+        def handed_over(sample: zenoh.Sample) -> None:
+            tell(str(sample.key_expr), sample.payload.to_bytes())
+
+        callback = zenoh.handlers.Callback(handed_over, indirect=False)
+        subscriber = self._session.declare_subscriber(
+            expression, callback, allowed_origin=zenoh.Locality.REMOTE
+        )
+
+        def end() -> None:
+            with contextlib.suppress(zenoh.ZError):  # the session may be closed by now
+                subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+        return end
+
     def announce(self, key: str) -> None:
         """Declare a liveliness token: it is gone when this process is, however it ends."""
         self._tokens.append(self._session.liveliness().declare_token(key))
@@ -100,6 +147,10 @@ class ZenohLink:
         if self._session.info.routers_zid():
             tell = _Patience(self._session, tell, self._closed).tell
         self._watchers.append(subscribe_alive(self._session, expression, tell))
+
+    def tell_about(self, key: str, party: str) -> None:
+        """Answer whoever asks what this party is, which versions it has, what its clock shows."""
+        self._watchers.append(answer(self._session, key, replier(party, clock_us)))
 
     def close(self) -> None:
         """Close the session and wake whoever waits in ``receive``; may be called twice.
@@ -195,6 +246,68 @@ def is_alive(session: zenoh.Session, key: str, s_max: float) -> bool:
     return any(reply.ok is not None for reply in replies)
 
 
+def alive_keys(session: zenoh.Session, expression: str, s_max: float) -> set[str]:
+    """The keys of the tokens that match, as far as can be learned within ``s_max`` seconds."""
+    replies = session.liveliness().get(expression, timeout=s_max)
+    return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+
+
+def clock_us() -> int:
+    """What the clock of this machine shows: Unix time in us."""
+    return time.time_ns() // 1000
+
+
+def answer(session: zenoh.Session, key: str, reply: Callable[[], bytes]) -> Any:
+    """Answer queries on a key, on Zenoh's own thread, as long as what is returned is kept."""
+
+    def asked(query: zenoh.Query) -> None:
+        query.reply(key, reply())
+
+    return session.declare_queryable(key, zenoh.handlers.Callback(asked, indirect=False))
+
+
+class Answer(NamedTuple):
+    """What came back of a query, and when it was asked and heard by this machine's clock."""
+
+    payload: bytes
+    asked_us: int
+    heard_us: int
+
+
+def ask(session: zenoh.Session, key: str, s_max: float) -> Answer | None:
+    """Query a key once; None if nobody answers within ``s_max`` seconds."""
+    asked_us = clock_us()
+    for reply in session.get(key, timeout=s_max):
+        heard_us = clock_us()
+        if reply.ok is not None:
+            return Answer(reply.ok.payload.to_bytes(), asked_us, heard_us)
+    return None
+
+
+def overheard(session: zenoh.Session, expression: str, s_max: float) -> dict[str, bytes]:
+    """The first message on each key that matches, of those sent in the next ``s_max`` seconds."""
+    found: dict[str, bytes] = {}
+
+    def heard(sample: zenoh.Sample) -> None:
+        if len(found) < OVERHEARD_MAX:
+            found.setdefault(str(sample.key_expr), sample.payload.to_bytes())
+
+    callback = zenoh.handlers.Callback(heard, indirect=False)
+    subscriber = session.declare_subscriber(
+        expression, callback, allowed_origin=zenoh.Locality.REMOTE
+    )
+    time.sleep(s_max)
+    subscriber.undeclare()  # type: ignore[no-untyped-call]
+    return dict(found)
+
+
+def endpoints(access: Access) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Where it will listen and where it will connect, its configuration file included."""
+    config = configuration(access)
+    mode = json.loads(config.get_json("mode"))
+    return _listed(config, "listen/endpoints", mode), _listed(config, "connect/endpoints", mode)
+
+
 def has_neighbours(session: zenoh.Session) -> bool:
     """Whether the session is connected to a router or a peer."""
     return bool(session.info.routers_zid() or session.info.peers_zid())
@@ -218,17 +331,23 @@ def configuration(access: Access) -> zenoh.Config:
     """Zenoh's configuration for it; raises ``AccessError``.
 
     Explicit endpoints only, unless a configuration file says otherwise: nothing is scouted for,
-    nothing listens that was not asked to.
+    nothing listens that was not asked to. Certificates overrule such a file.
     """
     config = _from_file(access)
     if access.mode is not None:
         _insert(config, "mode", access.mode)
     _insert_if_open(config, "mode", "peer" if access.listen else "client")
     default = zenoh.Config().get_json("listen/endpoints")
-    if access.listen or config.get_json("listen/endpoints") == default:
+    # A file may tell its owner where to listen; who only looks whether that is there must not.
+    unsaid = config.get_json("listen/endpoints") == default
+    if access.listen or access.mode == "client" or unsaid:
         _insert(config, "listen/endpoints", access.listen)
     if access.connect:
         _insert(config, "connect/endpoints", access.connect)
+    if access.identity is not None:
+        _insert_identity(config, access.identity, access.direct_radio)
+    bytes_max = json.loads(config.get_json(_BYTES_MAX))
+    _insert(config, _BYTES_MAX, min(bytes_max, access.message_bytes_max))
     retry = {
         "period_init_ms": CONNECT_RETRY_MS,
         "period_max_ms": CONNECT_RETRY_MS_MAX,
@@ -245,7 +364,7 @@ def configuration(access: Access) -> zenoh.Config:
     if exposed and not access.without_authentication:
         raise AccessError(
             f"listen = {exposed[0]}: other machines may reach it, and nothing tells who connects;"
-            " listen on 127.0.0.1, or configure authentication, or say --without-authentication"
+            " listen on 127.0.0.1, or give --certificates, or say --without-authentication"
         )
     return config
 
@@ -273,12 +392,21 @@ def _from_file(access: Access) -> zenoh.Config:
         raise AccessError(f"Zenoh configuration {access.config}: {_in_one_line(error)}") from None
 
 
+def _insert_identity(config: zenoh.Config, identity: Identity, direct_radio: bool) -> None:
+    """Certificates, and the rules if it listens; to be done when all endpoints are known."""
+    mode = json.loads(config.get_json("mode"))
+    listening, connecting = (
+        _listed(config, f"{kind}/endpoints", mode) for kind in ("listen", "connect")
+    )
+    for name, value in settings(identity, listening, connecting, direct_radio).items():
+        # How patiently to connect is for a configuration file to say, if it does.
+        (_insert_if_open if name == "connect/retry" else _insert)(config, name, value)
+
+
 def _exposed(config: zenoh.Config) -> tuple[str, ...]:
     """The listening endpoints that others may reach, and nothing says who they are."""
     mode = json.loads(config.get_json("mode"))
-    listening = json.loads(config.get_json("listen/endpoints"))
-    if isinstance(listening, dict):
-        listening = listening.get(mode, [])
+    listening = _listed(config, "listen/endpoints", mode)
     if json.loads(config.get_json("transport/auth/usrpwd/dictionary_file")) is not None:
         return ()
     certified = json.loads(config.get_json("transport/link/tls/enable_mtls")) is True
@@ -287,6 +415,14 @@ def _exposed(config: zenoh.Config) -> tuple[str, ...]:
         for endpoint in reachable_from_elsewhere(listening)
         if not (certified and endpoint.startswith(("tls/", "quic/")))
     )
+
+
+def _listed(config: zenoh.Config, name: str, mode: str) -> tuple[str, ...]:
+    """Endpoints of a configuration, which may name them apart for each mode."""
+    found = json.loads(config.get_json(name))
+    if isinstance(found, dict):
+        found = found.get(mode, [])
+    return tuple(map(str, found if isinstance(found, list) else [found]))
 
 
 def _insert(config: zenoh.Config, name: str, value: object) -> None:

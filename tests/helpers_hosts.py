@@ -114,13 +114,27 @@ class Party:
             )
 
     @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
     def said(self) -> str:
         return self._err.read_text()
+
+    def printed(self) -> dict[str, Any]:
+        """The one JSON object that a command has printed."""
+        found: dict[str, Any] = json.loads(self._out.read_text())
+        return found
 
     def reports(self) -> list[dict[str, Any]]:
         """What a world has told so far."""
         lines = self._out.read_text().split("\n")[:-1]
         return [json.loads(line) for line in lines]
+
+    @property
+    def tick(self) -> int:
+        """How far a world has come."""
+        return max((report.get("tick", -1) for report in self.reports()), default=-1)
 
     def result(self) -> dict[str, Any]:
         return next(report["result"] for report in self.reports() if "result" in report)
@@ -134,7 +148,7 @@ class Party:
 
     def wait_for_tick(self, tick: int) -> None:
         """Until a world has come so far."""
-        self.wait_until(lambda world: any(r.get("tick", -1) >= tick for r in world.reports()))
+        self.wait_until(lambda world: world.tick >= tick)
 
     def wait_for_listening(self) -> None:
         """Until a router has said that it listens."""

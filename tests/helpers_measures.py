@@ -44,6 +44,7 @@ def standing(ticks: int, robots: int = 4, **changes: Any) -> RunLog:
         "due": np.where(np.eye(robots, dtype=bool), 0, sent),
         "copies": np.zeros(by_link, np.int64),
         "sizes_bytes": np.full(by_robot, 100),
+        "there": np.full(by_robot, True),
     }
     for name in made.keys() & changes.keys():
         given = np.asarray(changes.pop(name))

@@ -13,7 +13,8 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, load_pem_private_key
 
 from encircle.certificates import make_certificates
-from protocol.security import Identity, configuration_file, gate, identity_in, tls
+from protocol.access import Identity
+from protocol.security import configuration_file, gate, identity_in, tls
 
 ROBOTS = ("r1", "r2", "r3", "r4")
 WAIT_S_MAX = 20.0

@@ -85,12 +85,12 @@ def test_the_same_observation_again_is_answered_again_and_decides_nothing_anew()
     assert not robot.refused
 
 
-def test_a_second_setup_is_out_of_turn_and_changes_nothing():
+def test_a_second_setup_is_taken_and_begins_anew():
     robot = Robot()
-    before = robot.core.role
-    other = Setup("r1", ("r1",), 0.5, "pursuit", {})
-    robot.refuses("setup", encode(other, RUN), "out-of-turn")
-    assert robot.core.role is before
+    robot.answer(observation(tick=0))
+    assert robot.tell("setup", Setup("r1", ("r1",), 0.5, "pursuit", {})) == []
+    assert (robot.core.role.team, robot.core.role.tick_s) == (("r1",), 0.5)
+    assert robot.answer(observation(tick=0, target=(4.0, 0.0)))[1].mode == "pursue"
 
 
 @pytest.mark.parametrize(

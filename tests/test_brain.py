@@ -349,3 +349,24 @@ def test_the_hunt_is_the_same_wherever_it_takes_place(bearing):
         for s in (0.0, 512.0)
     ]
     assert near == pytest.approx(far, abs=4 * QUANTUM_M)
+
+
+def test_by_the_clock_a_brain_that_missed_ticks_knows_what_time_it_is():
+    part = role()
+    state, _ = run_brain(part, [observation(tick=k, target=(3.0, 0.3 * k)) for k in range(6)], None)
+    after, action = step(
+        state, observation(tick=10, position=(1.0, 0.0), target=(3.0, 3.0)), [], part
+    )
+    # From (0, 0) at tick 5, in five ticks of 0.1 s.
+    assert action.pose.velocity == pytest.approx((2.0, 0.0))
+    # The target has gone on as it did, 3 m/s along y.
+    assert after.track.estimate.vy == pytest.approx(3.0, abs=0.3)
+    again, _ = step(after, observation(tick=11), [], part)
+    assert again.track.first_tick + len(again.track.entries) == 12
+
+
+def test_by_the_clock_event_triggered_packets_are_due_as_if_the_ticks_had_passed():
+    part = role(publish="event", publish_age_ticks_max=10)
+    state, _ = run_brain(part, [observation(tick=k) for k in range(3)], None)
+    for tick, due in ((9, False), (10, True)):
+        assert (step(state, observation(tick=tick), [], part)[1].pose is not None) is due

@@ -16,7 +16,8 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from encircle.certificates import CertificateError, describe, make_certificates
-from protocol.security import Identity, identity_in
+from protocol.access import Identity
+from protocol.security import identity_in
 
 PARTIES = ("router", "world", "viewer", "r1", "r2")
 DAY = timedelta(days=1)

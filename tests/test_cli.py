@@ -110,7 +110,7 @@ def test_bad_usage_is_status_2_and_names_the_thing(tmp_path, arguments, said):
     assert (tmp_path / "full" / "precious").read_text() == "keep me"
 
 
-@pytest.mark.parametrize("name", ["robot", "world", "router", "alive"])
+@pytest.mark.parametrize("name", ["robot", "world", "router", "alive", "doctor"])
 def test_commands_that_are_programs_of_their_own_explain_themselves(tmp_path, name):
     done = command(tmp_path, name, "--help")
     assert done.returncode == 0
@@ -172,3 +172,31 @@ def test_what_was_postponed_works_when_it_is_used():
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.stdout.strip() == "True", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "give a scenario, or --resume RUN"),
+        (("sim1", "--when-lost", "panic"), "'panic' is not one of go-on, end"),
+        (("sim1", "--resume", "here"), "goes with neither a scenario nor --seed, --set or --out"),
+        (("--resume", "here", "--seed", "3"), "goes with neither a scenario nor"),
+        (("--resume", "nowhere"), "nowhere"),
+    ],
+)
+def test_a_run_that_cannot_be_meant_is_refused_with_a_line(tmp_path, arguments, said):
+    done = command(tmp_path, "run", *arguments)
+    assert done.returncode == 2
+    assert said in " ".join(done.stderr.replace("│", " ").split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_is_complete_is_not_resumed_nor_under_another_name(tmp_path):
+    encircle.run("sim2", link="memory", out=tmp_path / "run")
+    done = command(tmp_path, "run", "--resume", "run")
+    assert done.returncode == 2
+    [line] = [line for line in done.stderr.splitlines() if line.startswith("encircle:")]
+    assert "this run has come to its end" in line
+    other = command(tmp_path, "world", "--resume", "run", "--run", "b", "--listen", "tcp/[::1]:0")
+    assert other.returncode == 2
+    assert "--run b: the run in run is run-" in other.stderr

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_codec import GOLDEN
 
-from protocol.codec import BYTES_MAX, decode, decode_pose, packed
+from protocol.codec import BYTES_MAX, LEAN_BYTES_MAX, decode, decode_pose, packed
 from protocol.errors import ProtocolError
-from protocol.messages import Observation, Pose
+from protocol.messages import Observation, Pose, Setup
 
 RUN = "g1"
 PAYLOADS = {kind: bytes.fromhex(hexadecimal) for kind, hexadecimal in GOLDEN.items()}
@@ -52,7 +52,6 @@ def judge(kind, payload):
     assert type(message) is kind
     again = packed(message, RUN)
     if len(again) <= BYTES_MAX[kind]:  # whole numbers grow when they are written as reals
-        # Compared as bytes: among the parameters of a setup there may be what is not a number.
         assert packed(decode(kind, again, RUN), RUN) == again
     if kind is Pose:
         assert decode_pose(payload, RUN) == message
@@ -114,13 +113,15 @@ def test_a_header_that_announces_more_than_there_is_is_refused_wherever_it_stand
 
 @pytest.mark.parametrize("element", [b"\x01", b"\x90", b"\x80", b"\xa0", b"\xc0"])
 def test_decoding_takes_memory_in_proportion_to_the_length(element):
-    """Whoever may send can make a receiver take so much, times the longest message, at once."""
-    count = BYTES_MAX[Observation] // 8
-    payload = b"\xdd" + struct.pack(">I", count) + element * count
-    tracemalloc.start()
-    try:
-        assert not judge(Observation, payload)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert peak < MEMORY_PER_BYTE_MAX * len(payload)
+    """What a robot may get, a stranger may send: only so much of it is unpacked to be judged."""
+    assert BYTES_MAX[Setup] <= LEAN_BYTES_MAX
+    for count in (BYTES_MAX[Observation] // 8, LEAN_BYTES_MAX - 5):
+        payload = b"\xdd" + struct.pack(">I", count) + element * count
+        for kind in (Observation, Setup):
+            tracemalloc.start()
+            try:
+                assert not judge(kind, payload)
+                peak = tracemalloc.get_traced_memory()[1]
+            finally:
+                tracemalloc.stop()
+            assert peak < MEMORY_PER_BYTE_MAX * LEAN_BYTES_MAX + 2 * len(payload)

@@ -26,6 +26,7 @@ from protocol.messages import Command, End, Observation, Pose, Radio, Setup, Sta
 TEXT = (5, None, b"r1", ["r1"], True, "x" * 257)
 COUNT = (-1, 1.0, "1", True, None, 2**53, [1])
 TOO_LARGE = (1e9, -1e9, 10**9, 1e308)
+COUNT_OR_NONE = tuple(value for value in COUNT if value is not None)
 NUMBER = ("1", nan, inf, -inf, True, None, 2**53, [1.0], *TOO_LARGE)
 POINT_OR_NONE = (
     1.0,
@@ -70,7 +71,16 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
         "team": (*NOT_A_LIST, [1], [None], ["r1", b"r2"], ["r"] * 257),
         "tick_s": (*NUMBER, 0.0, 0, -0.1),
         "strategy": TEXT,
-        "parameters": (None, [], "a", 1.0, {b"a": 1}),
+        "parameters": (
+            *(None, [], "a", 1.0, {b"a": 1}, {"a": {b"a": 1}}),
+            *({"a": number} for number in (nan, inf, -inf, 2**53, *TOO_LARGE)),
+            *({"a": [1.0, {"b": [[number]]}]} for number in (nan, -inf, 1e9)),
+            {"a": msgpack.ExtType(5, b"ab")},
+            {"a": [msgpack.Timestamp(1, 2)]},
+        ),
+        "radio": (*TEXT, "", "World", "wifi", {}, ["world"]),
+        "first_tick": COUNT,
+        "answer_tick": COUNT,
     },
     Observation: {
         "robot": TEXT,
@@ -95,6 +105,19 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
             [["x" * 257, 1.0, 2.0]],
         ),
         "inbox": (*NOT_A_LIST, ["a"], [1], [None], [[b"a"]]),
+        "lost": (*NOT_A_LIST, [1], [None], ["r1", b"r2"], ["r"] * 257),
+        "sent_us": COUNT_OR_NONE,
+        "admitted": (
+            1.0,
+            "ab",
+            {},
+            [None],
+            ["r2"],
+            [["r2"]],
+            [["r2", -1]],
+            [[2, 1]],
+            [["r2", 1, 2]],
+        ),
     },
     Pose: {
         "robot": TEXT,
@@ -105,7 +128,7 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
         "detection": POINT_OR_NONE,
         "mode": TEXT,
         "xi": tuple(v for v in NUMBER if v is not None),
-        "point": tuple(v for v in COUNT if v is not None),
+        "point": COUNT_OR_NONE,
         "relayed": (
             *NOT_A_LIST,
             [None],
@@ -128,6 +151,7 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
             [["r1", 2, 1.0, 2.0]] * 17,
             [["r1", 2, 1, 2]] * 17,
         ),
+        "sent_us": COUNT_OR_NONE,
     },
     Command: {
         "robot": TEXT,
@@ -135,13 +159,31 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
         "step": POINT,
         "mode": TEXT,
         "xi": tuple(v for v in NUMBER if v is not None),
-        "point": tuple(v for v in COUNT if v is not None),
+        "point": COUNT_OR_NONE,
         "goal": POINT_OR_NONE,
         "estimate": POINT_OR_NONE,
         "predictor": tuple(v for v in TEXT if v is not None),
         "team": (*NOT_A_LIST, [1], [None], ["r1", b"r2"], ["r"] * 257),
         "published": (None, 0, 1, "true", 1.0, []),
         "refused": COUNTS_BY_NAME,
+        "timing": (
+            *(v for v in NOT_A_LIST if v is not None),
+            [],
+            [1, 2],
+            [1, 2, None],
+            [1, 2, [], []],
+            [-1, 2, []],
+            [1, 2.0, []],
+            [1, 2**53, []],
+            [1, 2, ["r2"]],
+            [1, 2, [["r2", 3]]],
+            [1, 2, [["r2", 3, 4, 5]]],
+            [1, 2, [[2, 3, 4]]],
+            [1, 2, [["r2", -3, 4]]],
+            [1, 2, [["r2", 3, 4.0]]],
+            [1, 2, [["x" * 257, 3, 4]]],
+            [1, 2, [["r2", 3, 4]] * 65],
+        ),
     },
     End: {"robot": TEXT, "tick": COUNT, "reason": TEXT},
     State: {
@@ -230,7 +272,7 @@ def test_an_unknown_field_in_place_of_another_names_both(kind):
 
 
 @KINDS
-@pytest.mark.parametrize("version", [0, 1, 3, -1, "1", None, True, 1.0])
+@pytest.mark.parametrize("version", [0, 2, 4, -1, "3", None, True, 1.0])
 def test_another_version_is_refused_before_anything_else_is_looked_at(kind, version):
     payload = msgpack.packb({**body_of_sample(kind), "v": version, "speed": 1.0})
     assert f"version {version!r}," in refusal(kind, payload, WrongVersion)
@@ -313,3 +355,56 @@ def test_a_damaged_message_is_refused_or_is_a_message_that_can_be_sent_on(kind, 
     except ProtocolError:
         return
     assert decode(kind, encode(message, "g1"), "g1") == message
+
+
+@KINDS
+def test_a_field_that_comes_twice_is_refused_wherever_it_stands(kind):
+    payload = encode(SAMPLES[kind], "g1")
+    for name, value in body_of_sample(kind).items():
+        again = msgpack.packb(name) + msgpack.packb(value)
+        for doubled in (payload[1:] + again, again + payload[1:]):
+            for header in (bytes([payload[0] + 1]), b"\xde\x00" + bytes([payload[0] - 0x7F])):
+                if header != b"\x90":  # a map of 16 has no short header
+                    assert "twice" in refusal(kind, header + doubled, MalformedMessage)
+
+
+def test_a_name_that_comes_twice_in_a_map_within_is_refused():
+    for kind, name in ((Setup, "parameters"), (Command, "refused")):
+        body = msgpack.packb(body_of_sample(kind) | {name: {"late": 2}})
+        doubled = body.replace(b"\x81\xa4late\x02", b"\x82\xa4late\x02\xa4late\x03")
+        assert doubled != body
+        assert refusal(kind, doubled, MalformedMessage) == f"{kind.__name__}: 'late' comes twice"
+
+
+def test_a_message_may_say_its_map_in_a_longer_header():
+    for kind, message in SAMPLES.items():
+        payload = encode(message, "g1")
+        size = payload[0] - 0x80
+        for header in (b"\xde" + size.to_bytes(2, "big"), b"\xdf" + size.to_bytes(4, "big")):
+            assert decode(kind, header + payload[1:], "g1") == message
+
+
+def test_an_observation_may_be_long_by_packets_and_by_nothing_else():
+    sample = body_of_sample(Observation)
+    packets = [bytes([k % 256]) * 200 for k in range(10_000)]
+    body = sample | {"inbox": packets}
+    assert decode(Observation, msgpack.packb(body), "g1").inbox == tuple(packets)
+    assert (
+        decode(Observation, msgpack.packb(dict(reversed(body.items()))), "g1").inbox[0]
+        == b"\0" * 200
+    )
+    long = {
+        "scan": [1.0] * 10_000,
+        "seen": [["r2", 1.0, 2.0]] * 4_000,
+        "lost": ["r2"] * 30_000,
+        "position": [[{}] * 70_000, 1.0],
+        "inbox": [b"ab"] * 40_000,
+        "tick": {"x": [b"a" * 200] * 400},
+    }
+    for name, value in long.items():
+        message = refusal(Observation, msgpack.packb(body | {name: value}), MalformedMessage)
+        assert "besides its packets, at most 65536 are allowed" in message
+    strings = msgpack.packb(body | {"inbox": ["a" * 200] * 1_000})
+    assert "besides its packets" in refusal(Observation, strings, MalformedMessage)
+    cut = msgpack.packb(body)[:-1]
+    assert "not msgpack" in refusal(Observation, cut, MalformedMessage)

@@ -8,7 +8,9 @@ import pytest
 from helpers_hosts import Hosts, Party, possible
 
 import encircle
-from encircle.replaying import replay
+from encircle.replaying import read_recording, replay
+from protocol.codec import decode
+from protocol.messages import Command
 
 ROBOTS = ("r1", "r2", "r3", "r4")
 LONG = {
@@ -103,14 +105,73 @@ def test_a_host_that_was_cut_off_for_two_seconds_changes_nothing(hosts, long_hun
     assert world.result()["digest"] == encircle.run(long_hunt, link="memory").digest
 
 
-def test_a_host_that_stays_cut_off_is_named(hosts, long_hunt, tmp_path):
-    _, world, robots = everything(hosts, long_hunt, "--out", str(tmp_path / "run"))
+def test_a_run_can_be_told_to_end_when_a_host_stays_cut_off(hosts, long_hunt, tmp_path):
+    own = ("--out", str(tmp_path / "run"), "--when-lost", "end")
+    _, world, robots = everything(hosts, long_hunt, *own)
     world.wait_for_tick(UNDER_WAY_TICK)
     with hosts.cut_off("r2"):
         assert world.end() == 1
         assert "no answer from r2 for 3 s" in world.said
         assert [robots[k].end() for k in (0, 2, 3)] == [1, 1, 1]
         assert replay(tmp_path / "run").same
+
+
+def test_a_run_goes_on_without_a_host_and_counts_it_in_again(hosts, tmp_path):
+    """Cut off for longer than an answer may take: lost, then back when its cable is."""
+    scenario = tmp_path / "endless.json"
+    scenario.write_text(json.dumps(LONG | {"ticks_max": 1_000_000}))
+    own = ("--answer-timeout", "1", "--out", str(tmp_path / "run"))
+    _, world, _ = everything(hosts, str(scenario), *own)
+    world.wait_for_tick(UNDER_WAY_TICK)
+    with hosts.cut_off("r2"):
+        world.wait_until(lambda world: "robot r2 is lost: no answer for 1 s" in world.said)
+        world.wait_for_tick(world.tick + UNDER_WAY_TICK)
+    world.wait_until(lambda world: "robot r2 is back" in world.said)
+    world.wait_for_tick(world.tick + UNDER_WAY_TICK)
+    assert world.terminate() == 1  # it would go on for ever
+    (lost, *_), (back, *_) = departures = world.result()["departures"]
+    assert [part[1:] for part in departures] == [
+        ["r2", "lost: no answer for 1 s"],
+        ["r2", "back"],
+    ]
+    recording = read_recording(tmp_path / "run")
+    answers = [tick for tick, who, _ in recording.of_channel("command") if who == "r2"]
+    assert answers == [*range(lost), *range(back, world.result()["ticks"])]
+    teams = {
+        tick: decode(Command, payload, "far").team
+        for tick, who, payload in recording.of_channel("command")
+        if who == "r1"
+    }
+    # They are told of the loss with the next observation, and hear it a tick after it speaks.
+    assert all("r2" not in teams[tick] for tick in range(lost + 1, back))
+    assert all("r2" in teams[tick] for tick in range(back + 1, max(teams) + 1))
+    assert replay(tmp_path / "run").same
+
+
+def test_the_doctor_says_what_a_host_can_reach(hosts, long_hunt):
+    """It is asked on a robot's host: nobody there yet, all there, and then the cable is out."""
+    hub = hosts.endpoint("hub")
+
+    def findings(status: int) -> dict[str, list[list[str]]]:
+        own = ("--connect", hub, "--run", "far", "--robot", "r2", "--json", "--check-timeout", "2")
+        doctor = hosts.start("r2", "encircle.doctor", *own)
+        assert doctor.end() == status, doctor.said
+        found = {}
+        for finding in doctor.reports()[-1]["findings"]:
+            found.setdefault(finding["check"], []).append([finding["level"], finding["said"]])
+        return found
+
+    assert ["wrong", f"{hub} cannot be reached: Connection refused"] in findings(1)["endpoints"]
+    _, world, robots = everything(hosts, long_hunt, "--answer-timeout", "20")
+    world.wait_for_tick(1)
+    found = findings(0)
+    assert found["run"] == [["ok", "run far: world, r1, r2, r3, r4"]]
+    told = [said.partition(":")[0] for level, said in found["versions"] if level == "ok"]
+    assert {"router", "world", *ROBOTS} <= set(told)
+    assert [level for level, said in found["clock"] if "this one" in said] == ["ok"] * 6
+    with hosts.cut_off("r2"):
+        assert findings(1)["endpoints"][0][0] == "wrong"
+    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
 
 
 def test_a_router_that_is_restarted_changes_nothing(hosts, long_hunt):

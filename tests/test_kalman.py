@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
-from agents.kalman import NO_TRACK, covariance_step, fold, next_estimate
+from agents.kalman import NO_TRACK, covariance_step, fold, next_estimate, up_to
 from protocol.parameters import Parameters
 
 CHEAP = settings(max_examples=40, deadline=None, derandomize=True)
@@ -293,3 +293,24 @@ def test_the_covariance_comes_to_rest():
         before = covariance
         covariance, _, _ = covariance_step(before, 1, TICK_S, 10.0, 0.05)
     assert covariance == before
+
+
+@pytest.mark.parametrize("missed", [0, 1, 7, 25, 30])
+def test_ticks_left_out_are_as_ticks_in_which_nothing_was_heard(missed):
+    known = folded([(k, (k, 0, 0.3 * k, 1.0)) for k in range(8)], 7)
+    tick = 8 + missed
+    caught_up = fold(up_to(known, tick, TICK_S, P), (), tick, TICK_S, P)
+    one_by_one = known
+    for passed in range(8, tick + 1):
+        one_by_one = fold(one_by_one, (), passed, TICK_S, P)
+    assert caught_up == one_by_one
+
+
+def test_a_track_left_alone_for_longer_than_targets_are_remembered_starts_anew():
+    known = folded([(k, (k, 0, 0.3 * k, 1.0)) for k in range(8)], 7)
+    tick = 9 + P.track_age_ticks_max
+    track = fold(up_to(known, tick, TICK_S, P), (), tick, TICK_S, P)
+    assert track.estimate is None
+    assert track.detected_tick == -1
+    seen = fold(track, [(tick + 1, 2, 5.0, 6.0)], tick + 1, TICK_S, P)
+    assert (seen.estimate.x, seen.estimate.y) == (5.0, 6.0)

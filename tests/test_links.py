@@ -120,3 +120,17 @@ def test_a_closed_link_stays_closed_whatever_the_others_send():
     for _ in range(3):
         with pytest.raises(LinkClosed):
             taker.receive()
+
+
+def test_overhearing_takes_what_others_send_on_such_keys_until_it_is_ended():
+    hub, heard = MemoryHub(), []
+    one, other = hub.link([]), hub.link([])
+    end = one.overhear("run/*/pose", lambda key, payload: heard.append((key, payload)))
+    for key in ("run/r1/pose", "run/r1/command", "other/r1/pose"):
+        other.send(key, b"said")
+    one.send("run/r2/pose", b"own")
+    assert heard == [("run/r1/pose", b"said")]
+    end()
+    end()
+    other.send("run/r1/pose", b"later")
+    assert len(heard) == 1

@@ -31,7 +31,7 @@ LEGAL = {
     },
     "posed": {"command": "idle", "leave": "left"},
     "commanded": {"pose": "idle", "leave": "left"},
-    "left": {},
+    "left": {"join": "idle"},
 }
 
 
@@ -159,6 +159,7 @@ class AgainstTheModel(RuleBasedStateMachine):
     def leave(self, robot):
         if self.expect(robot in self.owed, robot, Move.LEAVE):
             del self.owed[robot]
+            self.absent.add(robot)
 
     @precondition(lambda self: not any(self.owed.values()))
     @rule()

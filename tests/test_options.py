@@ -1,9 +1,15 @@
 """Options by command line and by environment, and which of them wins."""
 
+import argparse
+
 import pytest
 
-from protocol.access import Access
+from encircle.certificates import make_certificates
+from protocol.access import Access, AccessError
 from protocol.options import Options, access, name_of, seconds, whole_number, without_settings
+from protocol.security import identity_in
+
+CERTIFICATES = "ENCIRCLE_CERTIFICATES"
 
 
 @pytest.fixture
@@ -94,3 +100,18 @@ def test_the_help_names_every_variable(options, capsys):
 
 def test_processes_that_are_told_everything_get_none_of_it():
     assert without_settings(ALL | {"HOME": "/tmp"}) == {"HOME": "/tmp"}
+
+
+def test_certificates_are_those_of_the_party_or_of_an_onlooker(options, tmp_path):
+    lab = make_certificates(tmp_path / "lab", 2).directory
+    found = options.parse(["r1", "--run", "demo", "--connect", "tls/h:1"], {CERTIFICATES: str(lab)})
+    assert access(found, 1.0, name="r2").identity == identity_in(lab, "r2")
+    assert access(found, 1.0).identity == identity_in(lab, "viewer")
+    listening = argparse.Namespace(**vars(found) | {"listen": ["tls/127.0.0.1:0"]})
+    assert access(listening, 1.0, name="world").identity == identity_in(lab, "world")
+    with pytest.raises(AccessError, match="only router and world listen, and r1 connects"):
+        access(listening, 1.0, name="r1")
+    with pytest.raises(AccessError, match=r"r3\.pem: No such file"):
+        access(found, 1.0, name="r3")
+    found = options.parse(["r1", "--run", "demo", "--connect", "tcp/h:1"], {CERTIFICATES: " "})
+    assert access(found, 1.0, name="r2").identity is None

@@ -1,4 +1,4 @@
-"""Hunts as real processes over Zenoh: the run as in memory, and an orderly end for every fault."""
+"""Hunts as real processes over Zenoh: the run as in memory, and an orderly end when asked for."""
 
 import json
 import os
@@ -17,7 +17,7 @@ import encircle
 from encircle.launch import free_endpoint
 from encircle.replaying import read_recording, replay
 from protocol.access import Access
-from protocol.codec import encode
+from protocol.codec import BYTES_MAX, encode
 from protocol.keys import robot_key
 from protocol.messages import Command, End, Pose
 from protocol.zenoh_link import ZenohLink
@@ -106,7 +106,8 @@ class Running:
 
     def __init__(self, folder: Path) -> None:
         self.out = folder / "run"
-        self.cli = command_line("--out", str(self.out), scenario=endless(), folder=folder)
+        options = ("--out", str(self.out), "--when-lost", "end")
+        self.cli = command_line(*options, scenario=endless(), folder=folder)
         self.pids: dict[str, int] = {}
         assert self.cli.stderr is not None
         for line in self.cli.stderr:
@@ -261,7 +262,7 @@ def send_garbage(link: ZenohLink, stop: threading.Event) -> None:
     messages = [
         (robot_key("noisy", "r1", "pose"), b"\xc1 not msgpack"),
         (robot_key("noisy", "r1", "pose"), encode(pose, "noisy")),
-        (robot_key("noisy", "r1", "pose"), bytes(100_000)),
+        (robot_key("noisy", "r1", "pose"), bytes(BYTES_MAX[Pose] + 1)),
         (robot_key("noisy", "r2", "command"), encode(command, "another")),
         (robot_key("noisy", "r1", "command"), encode(command, "noisy")),
         (robot_key("noisy", "r1", "observation"), b""),

@@ -1,12 +1,17 @@
 """Recordings as others read them: with mcap's own reader, whole or cut off at any byte."""
 
 import json
+import subprocess
+import sys
 from itertools import pairwise
 
 import msgpack
 import pytest
 from helpers_world import RUN, arena, played, small
+from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from encircle.replaying import RecordingError, read_recording
@@ -232,3 +237,41 @@ def test_while_it_is_written_all_but_the_last_chunks_are_in_the_file_already(tmp
             assert not found.complete
     recorder.close()
     assert read_recording(tmp_path).complete
+
+
+FILL = """
+import resource, sys
+from pathlib import Path
+from world.recorder import Recorder, RecordingStopped
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+recorder = Recorder(Path(sys.argv[1]), 0.1, {})
+said = []
+for tick in range(1000):
+    try:
+        recorder.record(tick, "encircle/x/world/state", bytes(1000))
+    except RecordingStopped as error:
+        said.append(str(error))
+try:
+    recorder.close()
+except RecordingStopped as error:
+    said.append(str(error))
+print("\\n".join(said))
+"""
+
+
+def test_a_disk_that_is_full_stops_the_recording_at_its_last_whole_chunk(tmp_path):
+    path = tmp_path / "recording.mcap"
+    done = subprocess.run(
+        [sys.executable, "-c", FILL, str(path)], capture_output=True, text=True, check=True
+    )
+    # Once when it happens, and once more at the end.
+    assert done.stdout.splitlines() == [f"cannot record to {path}: File too large"] * 2
+    ticks = []
+    with open(path, "rb") as file:
+        # Nothing half written is there to stumble over: the end of the file is one of a record.
+        records = StreamReader(file).records
+        with pytest.raises(EndOfFile):
+            ticks.extend(record.sequence for record in records if isinstance(record, Message))
+        assert file.tell() == path.stat().st_size
+    assert ticks == list(range(len(ticks)))
+    assert 100_000 < 1000 * len(ticks) < 200_000

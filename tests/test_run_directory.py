@@ -10,9 +10,12 @@ from helpers_world import RUN, played, small
 
 from protocol import VERSION
 from world.engine import build
+from world.recorder import RecordingStopped
 from world.run_directory import (
     RunDirectoryError,
+    attempts,
     create,
+    set_aside,
     start_recording,
     versions,
     write_summary,
@@ -47,6 +50,34 @@ def test_a_file_in_the_way_is_refused_and_left_as_it_is(tmp_path):
     assert path.read_text() == "precious"
 
 
+def test_a_directory_that_may_not_be_written_to_is_refused(tmp_path, monkeypatch):
+    # Root may write everywhere, so that nothing real can be tried.
+    monkeypatch.setattr("os.access", lambda _path, _mode: False)
+    with pytest.raises(RunDirectoryError, match=f"{tmp_path} cannot be used: Permission denied"):
+        create(tmp_path)
+
+
+def test_attempts_are_set_aside_under_names_of_their_own_and_nothing_is_lost(tmp_path):
+    for number in (1, 2):
+        (tmp_path / "recording.mcap").write_text(f"recording {number}")
+        (tmp_path / "summary.json").write_text(f"summary {number}")
+        set_aside(tmp_path)
+    assert attempts(tmp_path) == [tmp_path / f"recording-broken-{k}.mcap" for k in (1, 2)]
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        f"{name}-broken-{k}.{ending}": f"{name} {k}"
+        for name, ending in (("recording", "mcap"), ("summary", "json"))
+        for k in (1, 2)
+    }
+
+
+def test_a_summary_is_written_whole_or_not_at_all(tmp_path):
+    scenario = small()
+    (tmp_path / "summary.json").mkdir()
+    with pytest.raises(RecordingStopped, match=r"cannot write .*summary\.json"):
+        write_summary(tmp_path, scenario, played(build(scenario, 1)).result(), RUN, {})
+    assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
+
+
 def test_a_recording_that_exists_is_refused_and_left_as_it_is(tmp_path):
     (tmp_path / "recording.mcap").write_bytes(b"precious")
     with pytest.raises(RunDirectoryError, match=r"recording\.mcap"):
@@ -60,7 +91,7 @@ def test_the_summary_holds_the_result_and_what_it_takes_to_repeat_the_run(tmp_pa
     write_summary(tmp_path, scenario, result, RUN, {"rounds_s": 1.5})
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert (summary["run"], summary["seed"], summary["rounds_s"]) == (RUN, 5, 1.5)
-    expected = asdict(result) | {"distances_m": list(result.distances_m)}
+    expected = json.loads(json.dumps(asdict(result)))
     assert {name: summary[name] for name in expected} == expected
     assert summary["versions"] == versions()
     assert load(summary["scenario"]) == scenario

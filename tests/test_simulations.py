@@ -223,11 +223,11 @@ def test_in_simulation_5_all_four_policies_fulfil_the_task(strategy, x):
 
 
 GOLDEN = {
-    "sim1": "9bd82ee5b9a2e53aab3a173c80f73185",
-    "sim2": "f00bd868252f3eb8d3e903a0323a5792",
-    "sim3": "7c2f08e5f319277b7582a82d4506a86f",
-    "sim4": "c516885443de991dd640e1539294b811",
-    "sim5": "8624221546fb54b88c8b850bfe89d936",
+    "sim1": "12791190669dacb76be1e647f126424f",
+    "sim2": "3ad105125dd598b009a25ed35e57e206",
+    "sim3": "e61b107618db35405f3564830d3b2661",
+    "sim4": "baac072ae5442e8d743105b30eaa6a72",
+    "sim5": "13544f21ac58e6dbcf3e5de72ae72abf",
 }
 
 

@@ -7,11 +7,14 @@ import threading
 import time
 from concurrent.futures import Future
 from contextlib import ExitStack
+from dataclasses import replace
 
 import pytest
 
-from protocol.access import Access, AccessError
+from protocol.access import MESSAGE_BYTES_MAX, Access, AccessError, Identity
+from protocol.codec import BYTES_MAX
 from protocol.errors import LinkClosed
+from protocol.security import settings
 from protocol.zenoh_link import LinkError, ZenohLink, configuration, warning
 
 WAIT_S_MAX = 15.0
@@ -108,6 +111,21 @@ def test_only_the_keys_taken_are_received(pair):
     connected.send("u/1", b"not taken")
     connected.send("t/1", b"taken")
     assert received(listener) == [("t/1", b"taken")]
+
+
+def test_overhearing_takes_what_others_send_on_such_keys_until_it_is_ended(pair):
+    world, robot = pair
+    heard: queue.Queue[tuple[str, bytes]] = queue.Queue()
+    end = robot.overhear("t/peers/*/pose", lambda key, payload: heard.put((key, payload)))
+    robot.send("t/peers/1/pose", b"own")
+    deadline = time.monotonic() + WAIT_S_MAX
+    # A subscription takes a moment to be known on the other side.
+    while heard.empty() and time.monotonic() < deadline:
+        world.send("t/peers/2/pose", b"theirs")
+        time.sleep(0.01)
+    assert heard.get(timeout=WAIT_S_MAX) == ("t/peers/2/pose", b"theirs")
+    end()
+    end()
 
 
 def test_a_token_is_seen_to_come_and_go(pair):
@@ -341,3 +359,55 @@ def test_a_configuration_file_that_cannot_be_used_is_one_line(tmp_path, text, sa
     with pytest.raises(AccessError, match=said) as refused:
         configuration(Access(config=path))
     assert "\n" not in str(refused.value)
+
+
+def test_how_long_a_message_may_be_is_always_limited(tmp_path):
+    name = "transport/link/rx/max_message_size"
+    plain = Access(connect=("tcp/127.0.0.1:1",))
+    assert setting(configuration(plain), name) == MESSAGE_BYTES_MAX > max(BYTES_MAX.values())
+    assert setting(configuration(replace(plain, message_bytes_max=7)), name) == 7
+    sizes = {1000: 1000, 2**40: MESSAGE_BYTES_MAX}
+    for size, limit in sizes.items():
+        text = f"{{ transport: {{ link: {{ rx: {{ max_message_size: {size} }} }} }} }}"
+        path = written(tmp_path / "own.json5", text)
+        assert setting(configuration(replace(plain, config=path)), name) == limit
+
+
+def test_what_is_too_long_does_not_come_in_and_what_follows_it_does(endpoint, closing):
+    listener = ZenohLink(replace(listening(endpoint), message_bytes_max=100_000), "t/**")
+    closing.callback(listener.close)
+    connected = ZenohLink(connecting_to(endpoint), "t/**")
+    closing.callback(connected.close)
+    until_heard(connected, listener)
+    for size in (90_000, 110_000, 1_000_000, 90_001):
+        connected.send("t/1", bytes(size))
+    assert [len(payload) for _, payload in received(listener, 2)] == [90_000, 90_001]
+
+
+def test_certificates_overrule_a_file_but_for_how_patiently_it_connects(tmp_path):
+    identity = Identity(*(tmp_path / name for name in ("authority.pem", "r1.pem", "r1.key")))
+    out = Access(connect=("tls/127.0.0.1:1",), identity=identity)
+    config = configuration(out)
+    expected = settings(identity, (), out.connect)
+    assert {name: setting(config, name) for name in expected} == expected
+    retry = "{ connect: { retry: { period_init_ms: 7 } }, transport: { link: { tls: {"
+    path = written(
+        tmp_path / "own.json5", f"{retry} enable_mtls: false, so_sndbuf: 65000 }} }} }} }}"
+    )
+    config = configuration(replace(out, config=path))
+    assert setting(config, "connect/retry")["period_init_ms"] == 7
+    assert setting(config, "transport/link/tls/enable_mtls") is True
+    assert setting(config, "transport/link/tls/so_sndbuf") == 65000
+    plain = written(tmp_path / "plain.json5", '{ connect: { endpoints: ["tcp/127.0.0.1:1"] } }')
+    with pytest.raises(AccessError, match="must be tls/"):
+        configuration(Access(config=plain, identity=identity))
+
+
+@pytest.mark.parametrize("direct_radio", [False, True])
+def test_who_listens_with_certificates_holds_the_rules_and_needs_no_asking(tmp_path, direct_radio):
+    identity = Identity(*(tmp_path / name for name in ("authority.pem", "world.pem", "world.key")))
+    wide = Access(listen=("tls/0.0.0.0:0",), identity=identity, direct_radio=direct_radio)
+    assert warning(wide) is None
+    rules = setting(configuration(wide), "access_control")["rules"]
+    hears = next(rule["key_exprs"] for rule in rules if rule["id"] == "r1 hears")
+    assert ("encircle/*/robots/*/pose" in hears) is direct_radio

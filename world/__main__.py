@@ -1,50 +1,68 @@
-"""``python -m world SCENARIO --listen ENDPOINT --run RUN``: the world, as a process."""
+"""``python -m world SCENARIO --listen ENDPOINT --run RUN``: the world, as a process.
 
+``python -m world --resume DIR --listen ENDPOINT`` goes on with the run that is recorded there.
+"""
+
+import argparse
 import asyncio
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from protocol.access import CONNECT_S_MAX, AccessError
 from protocol.options import Options, access, name_of, seconds, whole_number
+from protocol.security import WORLD
+
+TAKEN_BYTES_MAX = 64 * 1024
+"""Poses and commands are shorter; what is longer than this does not even come in."""
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "python -m world") -> int:
     """Parse the command line and run the world; returns the exit status."""
     options = _options(program)
     found = options.parse(arguments)
-    if found.out is not None and found.runs is not None:
-        options.error(f"--out {found.out} and --runs {found.runs}: give one of them")
+    _check(options, found)
     # Imported late: a mistyped command need not wait for scipy.
     from protocol.log import bounded_log
+    from protocol.refusals import refusals_told
     from protocol.zenoh_link import warning
     from world.engine import build
+    from world.resuming import read_last, rebuild
     from world.run_directory import RunDirectoryError, new_directory
+    from world.running import run_world
     from world.scenario import ScenarioError, load
-    from world.server import ANSWER_S_MAX, JOIN_S_MAX, run_world
+    from world.server import ANSWER_S_MAX, JOIN_S_MAX, Terms
 
     try:
-        where = access(found, CONNECT_S_MAX)
+        where = access(found, CONNECT_S_MAX, name=WORLD)
         said = warning(where)
         overrides = found.set + ([f"seed={found.seed}"] if found.seed is not None else [])
-        scenario = load(found.scenario, overrides)
+        log, resumed = bounded_log(), None
+        if found.resume is None:
+            scenario = load(found.scenario, overrides)
+        else:
+            recording = read_last(found.resume)
+            if found.run not in (None, recording.run):
+                options.error(f"--run {found.run}: the run in {found.resume} is {recording.run}")
+            resumed = rebuild(recording, log)
+            scenario, found.run, found.out = recording.scenario, recording.run, found.resume
+        where = replace(
+            where, direct_radio=scenario.radio == "direct", message_bytes_max=TAKEN_BYTES_MAX
+        )
         arena = build(scenario, scenario.seed)
-        if found.runs is not None:
+        if resumed is None and found.runs is not None:
             found.out = new_directory(found.runs, found.scenario, scenario.seed)
+        terms = Terms(
+            found.join_timeout or JOIN_S_MAX,
+            found.answer_timeout or ANSWER_S_MAX,
+            found.when_lost,
+            found.parent,
+        )
         if said is not None:
             print(f"world: {said}", file=sys.stderr, flush=True)
-        return asyncio.run(
-            run_world(
-                arena,
-                found.run,
-                where,
-                found.out,
-                bounded_log(),
-                found.join_timeout or JOIN_S_MAX,
-                found.parent,
-                found.answer_timeout or ANSWER_S_MAX,
-            )
-        )
+        with refusals_told("world", found.count_refusals):
+            return asyncio.run(run_world(arena, found.run, where, found.out, log, terms, resumed))
     except AccessError as error:
         options.error(str(error))
     except (ScenarioError, RunDirectoryError) as error:
@@ -52,10 +70,37 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m world
         return 2
 
 
+def _check(options: Options, found: argparse.Namespace) -> None:
+    """See to it that one run is asked for."""
+    if found.resume is not None:
+        return
+    for name in ("scenario", "run"):
+        if getattr(found, name) is None:
+            option = name if name == "scenario" else f"--{name}"
+            options.error(f"{option} is missing: give it, or set ENCIRCLE_{name.upper()}")
+    if found.out is not None and found.runs is not None:
+        options.error(f"--out {found.out} and --runs {found.runs}: give one of them")
+
+
+def _when_lost(value: str) -> str:
+    from world.result import WHEN_LOST
+
+    if value not in WHEN_LOST:
+        raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join(WHEN_LOST)}")
+    return value
+
+
 def _options(program: str) -> Options:
     options = Options(program, "Run the world, and wait for its robots.")
-    options.add("scenario", "a shipped scenario's name or a TOML file", required=True)
-    options.add("--run", "name of the run", read=name_of("run"), required=True)
+    options.add("scenario", "a shipped scenario's name or a TOML file")
+    options.add("--run", "name of the run", read=name_of("run"))
+    options.add(
+        "--resume",
+        "go on with the run recorded in this directory; scenario, --seed, --set, --out and --runs"
+        " do not count then",
+        read=Path,
+        metavar="DIR",
+    )
     options.add_access()
     options.add("--seed", "a seed instead of the scenario's own", read=whole_number, metavar="N")
     options.add_list(
@@ -80,6 +125,16 @@ def _options(program: str) -> Options:
         "wait this long for a robot's answer, in s; longer than the network may be cut off",
         read=seconds,
         metavar="S",
+    )
+    options.add(
+        "--when-lost",
+        "when a robot is lost: go-on without it until it is back, or end; go-on if left out",
+        read=_when_lost,
+        default="go-on",
+        metavar="WHAT",
+    )
+    options.add_flag(
+        "--count-refusals", "if it listens: say at the end what certificates kept out; costs time"
     )
     options.add_flag("--parent", "end when standard input is closed")
     return options

@@ -19,6 +19,7 @@ def problems_of(scenario: "Scenario") -> list[str]:
     """Every contradiction in a scenario; empty if there are none."""
     return [
         *_team(scenario),
+        *_times(scenario),
         *_names(scenario),
         *problems_of_radio(scenario.channel, scenario.events, scenario.ids),
         *_overlaps(scenario),
@@ -55,6 +56,15 @@ def _team(scenario: "Scenario") -> list[str]:
             f"capture.count = {scenario.capture.count}: the team has {len(scenario.ids)} robots"
         )
     return found
+
+
+def _times(scenario: "Scenario") -> list[str]:
+    if scenario.radio == "direct" and scenario.clock != "wall":
+        return [
+            f"radio = 'direct': needs clock = 'wall', not {scenario.clock!r}; robots that hear each"
+            " other over the network hear it when it comes, not when a round is over"
+        ]
+    return []
 
 
 def _names(scenario: "Scenario") -> list[str]:

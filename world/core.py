@@ -1,10 +1,14 @@
 """The world's side of the protocol, sans I/O: joins and messages in, messages out.
 
 Round by round: an observation to every robot, a pose and a command back from each, one step of the
-arena. What is refused is counted by cause and told to ``log``. The run's digest covers the truth at
-every tick, every packet's fate, and every pose and command, in robot order; not the run's name, and
-not how or in which order anything arrived. ``settle`` does the work that nobody waits for, digest
-and recording, and is to be called after the outgoing messages were sent.
+arena. A robot that is lost is not asked, and its body coasts to a stop; one that is back is set up
+afresh and asked again. Which robots the scenario itself takes away follows from the tick alone.
+
+What is refused is counted by cause and told to ``log``. The run's digest covers the truth at every
+tick, every packet's fate, every pose and command, in robot order, and so who was lost, and the
+setups of robots that are back; not the run's name, and not how or in which order anything arrived.
+``settle`` does the work that nobody waits for, digest and recording, and is to be called after the
+outgoing messages were sent.
 """
 
 import hashlib
@@ -22,6 +26,7 @@ from protocol.lockstep import LockStep, Move, Phase
 from protocol.messages import Command, End, Observation, Point, Pose, Radio, Setup
 from world import channel as radio
 from world import engine
+from world.membership import Membership
 from world.result import Result
 from world.scenario import digest_header
 
@@ -30,7 +35,10 @@ Record = Callable[[int, str, bytes], None]
 
 
 class _Answer:
-    """One robot's answer to one observation, as it comes in; ``packet`` stays None without one."""
+    """One robot's answer to one observation, as it comes in; ``packet`` stays None without one.
+
+    As it is made, it is no answer: a robot that is lost stands still and says nothing.
+    """
 
     __slots__ = ("canonical_command", "canonical_pose", "command", "packet", "step")
 
@@ -41,14 +49,15 @@ class _Answer:
     canonical_command: bytes
 
     def __init__(self) -> None:
-        self.packet = None
+        self.step, self.command, self.packet = (0.0, 0.0), b"", None
 
 
 class WorldCore:
     """The protocol around one arena. ``ended`` holds the reason once the run is over.
 
     ``record`` gets every message of the run; ``shows`` says whether ``settle`` returns the state at
-    every tick, for viewers.
+    every tick, for viewers. ``setups``: the messages that go before the observations of this round,
+    to the robots that are back.
     """
 
     def __init__(
@@ -78,28 +87,66 @@ class WorldCore:
         self._packets_copied = 0
         self._lost: Counter[int] = Counter()
         self._contacts = 0
+        self.setups: Outgoing = []
+        self.members = Membership(self.table, arena.scenario.events)
         self._digest.update(digest_header(arena.scenario, arena.seed).encode())
 
     def join(self, robot: str) -> Outgoing:
-        """A robot is there: its setup. ``OutOfTurn`` if it is not of the team or joined before."""
-        self.table.move(robot, Move.JOIN)
-        return [self._setup(robot)]
+        """A robot is there: its setup. ``OutOfTurn`` if it is not of the team or joined before.
+
+        One that was lost gets its setup with its next observation, which is that of the next round,
+        or of the tick at which the scenario lets it come back.
+        """
+        self.members.join(robot)
+        return [] if self.members.begun else [self._setup(robot)]
+
+    def leave(self, robot: str, why: str) -> Outgoing:
+        """A robot is lost: an open round no longer waits for it; returns the messages to send.
+
+        An answer that it has given in full stands. Before the run has begun it may join again as if
+        it had never been there. If nobody is left that the scenario does not bring back, the rounds
+        that remain are played without any: it is for the caller to fail such a run instead.
+        """
+        if self.ended is not None:
+            return []
+        if self.members.leave(robot, self.state.tick, why):
+            self._answers.pop(robot, None)
+            if self.table.complete:
+                return self._next_round()
+        return []
+
+    @property
+    def departures(self) -> list[tuple[int, str, str]]:
+        """Who was lost and came back so far, as in ``Result``."""
+        return self.members.departures
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """The robots that are lost now, in robot order."""
+        return self.members.lost
 
     def _setup(self, robot: str) -> tuple[str, bytes]:
-        scenario = self.arena.scenario
+        scenario, tick = self.arena.scenario, max(self.table.tick, 0)
         setup = Setup(
-            robot, self.arena.ids, scenario.tick_s, scenario.team.strategy, scenario.parameters
+            robot,
+            self.arena.ids,
+            scenario.tick_s,
+            scenario.team.strategy,
+            scenario.parameters,
+            scenario.radio,
+            tick,
+            tick,
         )
         return robot_key(self.run, robot, "setup"), encode(setup, self.run)
 
     @property
     def everyone_joined(self) -> bool:
         """Whether the run can begin."""
-        return not self.table.in_phase(Phase.ABSENT)
+        return not self.table.in_phase(Phase.ABSENT, Phase.LEFT)
 
     def begin(self) -> Outgoing:
         """The first observations, once everyone has joined."""
-        return self._sent(self.ask())
+        return self._next_round()
 
     def receive(self, key: str, payload: bytes) -> Outgoing:
         """Take one message in; returns the messages to send. Never raises for remote input."""
@@ -110,11 +157,18 @@ class WorldCore:
             return []
         if self.ended is not None or not self.table.complete:
             return []
-        return self._sent(self.ask())
+        return self._next_round()
 
     def unanswered(self) -> Outgoing:
-        """The observations whose answers are still to come, to be sent again: both may be lost."""
-        waiting = {robot_key(self.run, robot, "observation") for robot in self.table.waiting()}
+        """The observations whose answers are still to come, to be sent again: both may be lost.
+
+        With the setups that went before them; a robot that had its setup decides the same anew.
+        """
+        waiting = {
+            robot_key(self.run, robot, channel)
+            for robot in self.table.waiting()
+            for channel in ("setup", "observation")
+        }
         return [said for said in self._asked if said[0] in waiting]
 
     def refuse(self, key: str, error: ProtocolError) -> None:
@@ -125,8 +179,10 @@ class WorldCore:
     def ask(self) -> list[Observation]:
         """Finish the round that everyone has answered, if any, and open the next one.
 
-        Returns the observations to be answered; none when the run is over.
+        Returns the observations to be answered; none when the run is over (``ended``), and none
+        while no robot is there. What is in ``setups`` goes before them.
         """
+        self.setups = []
         if self.table.tick < 0:
             # Recorded here and in robot order, whatever the order in which the robots joined.
             self._unsettled.append((0, [], [self._setup(robot) for robot in self.arena.ids]))
@@ -137,11 +193,15 @@ class WorldCore:
             self.ended = "captured" if state.captured else "ticks"
             self._keep(self._end_messages() if self.record else [])
             return []
-        self.table.ask_all(state.tick)
-        observations = engine.observe(self.arena, state)
+        self.setups = [self._setup(robot) for robot in self.members.open_round(state.tick)]
+        observations = self._to_tell(engine.observe(self.arena, state, self.lost))
         if self.record is not None:
             self._encoded = [self._encode(o.robot, "observation", o) for o in observations]
-        self._keep(self._encoded)
+        self._keep([*self.setups, *self._encoded])
+        return observations
+
+    def _to_tell(self, observations: list[Observation]) -> list[Observation]:
+        """The observations as they are told; a world by the clock adds to them."""
         return observations
 
     def answer(self, pose: Pose | None, packet: bytes, command: Command, payload: bytes) -> None:
@@ -200,6 +260,7 @@ class WorldCore:
             self._contacts,
             dict(sorted(self.refused.items())),
             self._digest.copy().hexdigest(),
+            tuple(self.departures),
         )
 
     def _receive(self, key: str, payload: bytes) -> None:
@@ -241,13 +302,14 @@ class WorldCore:
     def _encode(self, robot: str, channel: str, message: Message) -> tuple[str, bytes]:
         return robot_key(self.run, robot, channel), encode(message, self.run)
 
-    def _sent(self, observations: list[Observation]) -> Outgoing:
-        """What to send for a round: its observations, or the end of the run."""
-        if self.ended is not None:
-            return self._end_messages()
-        self._asked = self._encoded or [
-            self._encode(o.robot, "observation", o) for o in observations
-        ]
+    def _next_round(self) -> Outgoing:
+        """What to send for the next round that anyone is there for, or for the end of the run."""
+        # Ends: each of these rounds is a tick, and a run has no more than ticks_max.
+        while not (observations := self.ask()):
+            if self.ended is not None:
+                return self._end_messages()
+        encoded = self._encoded or [self._encode(o.robot, "observation", o) for o in observations]
+        self._asked = [*self.setups, *encoded]
         return self._asked
 
     def _keep(self, messages: Outgoing) -> None:
@@ -257,19 +319,26 @@ class WorldCore:
             shown = encode(engine.truth(self.arena, state), self.run)
             messages = [(self._state_key, shown), *messages]
         truth = state.positions[: len(self.arena.ids) + 1].tobytes() + bytes([state.captured])
-        self._unsettled.append((state.tick, [truth], messages))
+        back = [body_of(payload, self.run) for _, payload in self.setups]
+        self._unsettled.append((state.tick, [truth, *back], messages))
 
     def _advance(self) -> None:
         tick, ids = self.state.tick, self.arena.ids
-        answers = [self._answers[robot] for robot in ids]
+        answers = [self._answers.get(robot) or _Answer() for robot in ids]
+        silent = [not answer.command for answer in answers]
+        lost = np.array(silent) if any(silent) else None
         steps = np.array([answer.step for answer in answers])
         packets = [answer.packet for answer in answers]
-        self.state, fates = engine.advance(self.arena, self.state, steps, packets, len(self.run))
+        self.state, fates = engine.advance(
+            self.arena, self.state, steps, packets, len(self.run), lost
+        )
         self._count(fates)
         digested, messages = [fates.due.tobytes()], []
         if fates.copies is not None:
             digested.append(fates.copies.tobytes())
         for robot, answer in zip(ids, answers, strict=True):
+            if not answer.command:
+                continue
             if answer.packet is not None:
                 digested.append(body_of(answer.canonical_pose, self.run))
                 messages.append((robot_key(self.run, robot, "pose"), answer.packet))

@@ -1,4 +1,8 @@
-"""What a commanded step becomes: holonomic as in the paper, or a unicycle that turns slowly."""
+"""What a commanded step becomes: holonomic as in the paper, or a unicycle that turns slowly.
+
+A body that nobody commands any more rolls on and comes to a stop: its last step shrinks linearly,
+so that it makes (COAST_TICKS - 1) / 2 of its last steps more.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,6 +10,7 @@ from numpy.typing import NDArray
 from protocol.messages import QUANTA_PER_M
 
 FULL_TURN_RAD = 2.0 * np.pi
+COAST_TICKS = 5
 
 
 def quantised(positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -22,6 +27,15 @@ def limited(steps: NDArray[np.float64], step_m_max: NDArray[np.float64]) -> NDAr
     scale = np.ones(len(steps))
     scale[over] = step_m_max[over] / lengths[over]
     return steps * scale[:, None]
+
+
+def coasting(last_steps: NDArray[np.float64], away: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Steps (B, 2) in m of bodies that have gone ``away`` (B,) steps without a command.
+
+    The one in the making included: 1 for the first, none from ``COAST_TICKS`` on.
+    """
+    left = np.maximum(0.0, 1.0 - away / COAST_TICKS)
+    return last_steps * left[:, None]
 
 
 def unicycle(

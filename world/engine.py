@@ -2,6 +2,8 @@
 
 ``build`` turns a scenario and a seed into the constants of a run; ``initial`` gives the state at
 tick 0, ``observe`` what each robot senses and receives there, ``advance`` the state one tick later.
+A robot that is lost is a body that coasts to a stop, sends nothing, hears nothing and captures
+nothing; it stays in the way, and is seen as what it looks like.
 """
 
 from collections.abc import Sequence
@@ -41,7 +43,11 @@ class Arena:
 
 
 class ArenaState(NamedTuple):
-    """The truth at a tick. ``positions``: (N + 1 + O, 2) in m; ``headings``: (N + 1,) in rad."""
+    """The truth at a tick. ``positions``: (N + 1 + O, 2) in m; ``headings``: (N + 1,) in rad.
+
+    ``away``: (N,) for how many ticks each robot has been lost, 0 if it is not; ``last_steps``:
+    (N, 2) in m, what each did in its last step before that.
+    """
 
     tick: int
     positions: Floats
@@ -54,6 +60,8 @@ class ArenaState(NamedTuple):
     scans: Floats
     captured: bool
     contacts: tuple[tuple[int, int], ...]
+    away: NDArray[np.int64]
+    last_steps: Floats
 
 
 def build(scenario: Scenario, seed: int) -> Arena:
@@ -83,11 +91,17 @@ def initial(arena: Arena) -> ArenaState:
     positions = quantised(np.array([*starts, scenario.target.position, *fixed]))
     headings = np.zeros(len(arena.ids) + 1)
     headings[-1] = scenario.target.heading_rad
-    return _sensed(arena, 0, positions, headings, None, radio.initial(arena.channel), {}, ())
+    count = len(arena.ids)
+    away, still = np.zeros(count, np.int64), np.zeros((count, 2))
+    air = radio.initial(arena.channel)
+    return _sensed(arena, 0, positions, headings, None, air, {}, (), away, still)
 
 
-def observe(arena: Arena, state: ArenaState) -> list[Observation]:
-    """What each robot senses, and what its radio delivers, at the state's tick; in robot order."""
+def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[Observation]:
+    """What each robot senses, and what its radio delivers, at the state's tick; in robot order.
+
+    Those that are ``lost`` (robot order) sense nothing, and the others are told of them.
+    """
     count = len(arena.ids)
     tick = state.tick
     inboxes: list[list[bytes]] = [[] for _ in arena.ids]
@@ -110,8 +124,10 @@ def observe(arena: Arena, state: ArenaState) -> list[Observation]:
             tuple(scans[i]),
             tuple([(arena.ids[k], *places[k]) for k in range(count) if visible[i][k]]),
             tuple(inboxes[i]),
+            tuple(lost),
         )
         for i, robot in enumerate(arena.ids)
+        if robot not in lost
     ]
 
 
@@ -121,26 +137,26 @@ def advance(
     steps: Floats,
     packets: Sequence[bytes | None],
     name_bytes: int = 0,
+    lost: NDArray[np.bool_] | None = None,
 ) -> tuple[ArenaState, radio.Fates]:
     """The state one tick later, and the fates of this tick's packets.
 
     ``steps``: (N, 2) commanded steps in m; ``packets``: each robot's encoded pose, robot order,
     None from a robot that sends none; ``name_bytes``: how many bytes of each are the run's name,
-    which do not count: how a run is called must not change its course.
+    which do not count: how a run is called must not change its course. ``lost``: (N,) the robots
+    that nobody commands, whose steps do not matter and whose packets must be None.
     """
     tick, count = state.tick, len(arena.ids)
     air, _ = radio.deliver(state.air, tick)
-    air, fates = radio.transmit(arena.channel, air, _sending(arena, state, packets, name_bytes))
+    sending = _sending(arena, state, packets, name_bytes, lost)
+    air, fates = radio.transmit(arena.channel, air, sending)
     memory, target_step = _target_step(arena, state)
+    away = state.away
+    if lost is not None or away.any():
+        away = np.where(lost, away + 1, 0) if lost is not None else np.zeros_like(away)
+        steps = np.where(away[:, None] > 0, dynamics.coasting(state.last_steps, away), steps)
     wanted = dynamics.limited(np.vstack([steps, target_step]), arena.step_m_max)
-    headings = state.headings
-    if arena.scenario.team.motion == "unicycle":
-        turned, wanted[:count] = dynamics.unicycle(
-            headings[:count], wanted[:count], arena.scenario.team.turn_rad_max
-        )
-        headings = np.append(turned, dynamics.holonomic_headings(headings[count:], wanted[count:]))
-    else:
-        headings = dynamics.holonomic_headings(headings, wanted)
+    headings = _turned(arena, state, wanted, away)
     gaps = state.geometry.gaps
     moved, contacts = collisions.move(state.positions, arena.radii, wanted, gaps)
     positions = state.positions.copy()
@@ -157,8 +173,32 @@ def advance(
         if sent != tick
     }
     kept[tick] = tuple(packets)
-    after = _sensed(arena, tick + 1, positions, headings, memory, air, kept, tuple(contacts))
+    made = positions[:count] - state.positions[:count]
+    last_steps = np.where(away[:, None] > 0, state.last_steps, made) if away.any() else made
+    after = _sensed(
+        *(arena, tick + 1, positions, headings, memory, air, kept, tuple(contacts)),
+        *(away, last_steps),
+    )
     return after, fates
+
+
+def _turned(arena: Arena, state: ArenaState, wanted: Floats, away: NDArray[np.int64]) -> Floats:
+    """(N + 1,) headings of those that move as ``wanted`` (N + 1, 2), which becomes what they can.
+
+    A lost robot does not steer.
+    """
+    count, headings = len(arena.ids), state.headings
+    if arena.scenario.team.motion == "holonomic":
+        turned = dynamics.holonomic_headings(headings, wanted)
+        return np.where(np.append(away, 0) > 0, headings, turned) if away.any() else turned
+    turned, rolled = dynamics.unicycle(
+        headings[:count], wanted[:count], arena.scenario.team.turn_rad_max
+    )
+    if away.any():
+        turned = np.where(away > 0, headings[:count], turned)
+        rolled = np.where(away[:, None] > 0, wanted[:count], rolled)
+    wanted[:count] = rolled
+    return np.append(turned, dynamics.holonomic_headings(headings[count:], wanted[count:]))
 
 
 def is_captured(rays: Floats, stop_distance_m: float, count: int) -> bool:
@@ -167,7 +207,7 @@ def is_captured(rays: Floats, stop_distance_m: float, count: int) -> bool:
     ``rays``: (N, 2) from the target to each robot, in m.
     """
     close = rays[(rays * rays).sum(axis=1) <= stop_distance_m**2]
-    if len(close) < count:
+    if len(close) < max(1, count):
         return False
     bearings = sorted(atan2(y, x) for x, y in close.tolist())
     gaps = [b - a for a, b in zip(bearings, [*bearings[1:], bearings[0] + 2 * pi], strict=True)]
@@ -196,11 +236,18 @@ def _sensed(
     air: radio.ChannelState,
     packets: dict[int, tuple[bytes | None, ...]],
     contacts: tuple[tuple[int, int], ...],
+    away: NDArray[np.int64],
+    last_steps: Floats,
 ) -> ArenaState:
     """A state with everything that follows from the positions."""
     count = len(arena.ids)
+    needed = arena.scenario.capture_count
     geometry = sensing.geometry(positions, arena.radii, count + 1)
     rays = np.stack([-geometry.x[:count, count], -geometry.y[:count, count]], axis=1)
+    if away.any():
+        # A body that nobody commands blocks, but it is no hunter.
+        rays = rays[away == 0]
+        needed = min(needed, len(rays))
     return ArenaState(
         tick,
         positions,
@@ -211,8 +258,10 @@ def _sensed(
         geometry,
         sensing.in_sight(geometry, arena.ranges, arena.radii),
         quantised(sensing.scan(geometry, arena.ranges, arena.radii, arena.scenario.sensing.rays)),
-        is_captured(rays, arena.scenario.capture.stop_distance_m, arena.scenario.capture_count),
+        is_captured(rays, arena.scenario.capture.stop_distance_m, needed),
         contacts,
+        away,
+        last_steps,
     )
 
 
@@ -247,7 +296,11 @@ def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Floats]:
 
 
 def _sending(
-    arena: Arena, state: ArenaState, packets: Sequence[bytes | None], name_bytes: int
+    arena: Arena,
+    state: ArenaState,
+    packets: Sequence[bytes | None],
+    name_bytes: int,
+    lost: NDArray[np.bool_] | None,
 ) -> radio.Sending:
     """What the radio is given at a tick."""
     count = len(arena.ids)
@@ -257,15 +310,18 @@ def _sending(
         state.tick,
         np.array(sizes) if None in packets or arena.channel.rated else None,
         state.geometry.distances[:count, :count],
-        _silent(arena, state.tick),
+        _silent(arena, state.tick, lost),
     )
 
 
-def _silent(arena: Arena, tick: int) -> NDArray[np.bool_] | None:
-    """(N,) which radios are off at a tick, None if none is."""
+def _silent(arena: Arena, tick: int, lost: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+    """(N,) which radios are off at a tick, those of lost robots among them, None if none is."""
     off = {
         event.robot
         for event in arena.scenario.events
         if isinstance(event, Silence) and event.tick <= tick < event.tick + event.ticks
     }
-    return np.array([robot in off for robot in arena.ids]) if off else None
+    if not off:
+        return lost
+    silent = np.array([robot in off for robot in arena.ids])
+    return silent if lost is None else silent | lost

@@ -1,6 +1,7 @@
 """What contradicts itself in the radio's part of a scenario, each problem with key and value."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from world.fields import shown
 from world.radio_model import (
     ChannelModel,
+    Crash,
     Delay,
     DelayRows,
     Loss,
@@ -49,7 +51,7 @@ NEEDED = {
 
 
 def problems_of_radio(
-    channel: ChannelModel, events: Iterable[object], ids: Sequence[str]
+    channel: ChannelModel, events: Sequence[object], ids: Sequence[str]
 ) -> list[str]:
     """Contradictions in a channel and in the events that concern it; empty if there are none."""
     found: list[str] = []
@@ -76,7 +78,7 @@ def problems_of_radio(
         found.append("channel.rate_limit: give packets_per_s, bytes_per_s or both")
     for place, event in enumerate(events):
         found += _event(f"events.{place}", event, ids)
-    return found
+    return found + _crashes(events)
 
 
 def _loss(key: str, loss: Loss) -> list[str]:
@@ -176,7 +178,7 @@ def _rows_missing(
 
 
 def _event(key: str, event: object, ids: Sequence[str]) -> list[str]:
-    if isinstance(event, Silence):
+    if isinstance(event, Silence | Crash):
         return _unknown(f"{key}.robot", event.robot, ids)
     if isinstance(event, Outage):
         return _names(key, event.sender, event.receiver, ids)
@@ -195,6 +197,23 @@ def _event(key: str, event: object, ids: Sequence[str]) -> list[str]:
                         f"{key}.groups.{group}.{place} = {robot!r}:"
                         f" is in groups.{grouped[robot]} already"
                     )
+    return found
+
+
+def _crashes(events: Iterable[object]) -> list[str]:
+    """Crashes of a robot while it is away already."""
+    found = []
+    crashes = [(k, event) for k, event in enumerate(events) if isinstance(event, Crash)]
+    for k, event in crashes:
+        for other, before in crashes:
+            begins_first = (before.tick, other) < (event.tick, k)
+            back = inf if before.ticks is None else before.tick + before.ticks
+            if before.robot == event.robot and begins_first and event.tick < back:
+                until = "for ever" if before.ticks is None else f"up to tick {int(back)}"
+                found.append(
+                    f"events.{k}.tick = {event.tick}: {event.robot} is away already,"
+                    f" {until}, by events.{other}"
+                )
     return found
 
 

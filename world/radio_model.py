@@ -141,6 +141,15 @@ class Partition(Model):
     groups: tuple[tuple[str, ...], ...]
 
 
+class Crash(Model):
+    """A robot is lost at ``tick``; after ``ticks`` ticks it joins afresh, never if left out."""
+
+    kind: Literal["crash"]
+    tick: Tick
+    robot: str
+    ticks: Ticks | None = None
+
+
 Part = TypeVar("Part", Loss, Delay)
 Parts = list[tuple[str, NDArray[np.bool_], Part]]
 """A channel's tables of one sort: key, (N, N) of the links [sender, receiver] each is for, table.

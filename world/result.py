@@ -2,10 +2,17 @@
 
 from dataclasses import dataclass
 
+GO_ON, END = "go-on", "end"
+WHEN_LOST = (GO_ON, END)
+"""What a run may do when a robot is lost."""
+
 
 @dataclass(frozen=True, slots=True)
 class Result:
     """What came of a run. ``packets_lost`` counts by cause; distances in m, robot order.
+
+    ``departures``: (tick, robot, what) of robots that were lost, ``lost: `` and why, or came
+    ``back``, as it happened.
 
     A packet is one pose on one directed link. Sent and copied (by the radio) together are lost,
     delivered and in flight together.
@@ -24,3 +31,4 @@ class Result:
     contacts: int
     refused: dict[str, int]
     digest: str
+    departures: tuple[tuple[int, str, str], ...] = ()

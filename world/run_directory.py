@@ -1,6 +1,8 @@
 """The directory of a run: its recording and its summary. Nothing that exists is overwritten."""
 
+import errno
 import json
+import os
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -9,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from protocol import VERSION
-from world.recorder import Recorder
+from world.recorder import Recorder, RecordingStopped
 from world.result import Result
 from world.scenario import Scenario, digest_header
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
 RUNS_MAX = 100_000
+ATTEMPTS_MAX = 1000
 PACKAGES = ("encircle", "eclipse-zenoh", "msgpack", "numpy", "scipy", "filterpy", "mcap")
 
 
@@ -47,13 +50,42 @@ def create(path: Path) -> Path:
             raise RunDirectoryError(
                 f"{path} is not empty: choose another --out, nothing was changed"
             )
+        if not os.access(path, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
         raise RunDirectoryError(f"{path} cannot be used: {error.strerror}") from None
     return path
 
 
+def set_aside(path: Path) -> None:
+    """Keep what an attempt has left under other names, so that there is room for the next one."""
+    for number in range(1, ATTEMPTS_MAX):
+        kept = {path / name: path / _broken(name, number) for name in (RECORDING, SUMMARY)}
+        if any(place.exists() for place in kept.values()):
+            continue
+        try:
+            for name, place in kept.items():
+                if name.exists():
+                    name.rename(place)
+        except OSError as error:
+            raise RunDirectoryError(f"{path} cannot be used: {error.strerror}") from None
+        return
+    raise RunDirectoryError(f"{path}: {ATTEMPTS_MAX - 1} attempts are kept there already")
+
+
+def attempts(path: Path) -> list[Path]:
+    """The recordings of a run's directory: the last one, then those set aside."""
+    kept = [path / RECORDING, *(path / _broken(RECORDING, k) for k in range(1, ATTEMPTS_MAX))]
+    return [place for place in kept if place.exists()]
+
+
+def _broken(name: str, number: int) -> str:
+    stem, _, ending = name.rpartition(".")
+    return f"{stem}-broken-{number}.{ending}"
+
+
 def start_recording(path: Path, scenario: Scenario, run: str) -> Recorder:
-    """Open the recording of a run in its directory."""
+    """Open the recording of a run in its directory; ``RunDirectoryError`` if it cannot be."""
     metadata = {
         "run": run,
         "seed": str(scenario.seed),
@@ -65,12 +97,14 @@ def start_recording(path: Path, scenario: Scenario, run: str) -> Recorder:
         return Recorder(path / RECORDING, scenario.tick_s, metadata)
     except OSError as error:
         raise RunDirectoryError(f"{path / RECORDING}: {error.strerror}") from None
+    except RecordingStopped as error:
+        raise RunDirectoryError(str(error)) from None
 
 
 def write_summary(
     path: Path, scenario: Scenario, result: Result, run: str, extra: Mapping[str, Any]
 ) -> None:
-    """Write what came of a run beside its recording."""
+    """Write what came of a run beside its recording; ``RecordingStopped`` if that fails."""
     summary = {
         "run": run,
         "seed": scenario.seed,
@@ -79,4 +113,11 @@ def write_summary(
         "versions": versions(),
         "scenario": scenario.model_dump(mode="json"),
     }
-    (path / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    part = path / f"{SUMMARY}.part"
+    try:
+        part.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        # Whole or not at all.
+        part.replace(path / SUMMARY)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise RecordingStopped(f"cannot write {path / SUMMARY}: {error.strerror}") from None

@@ -17,13 +17,14 @@ from pydantic import Field, ValidationError
 from protocol import VERSION
 from world.checks import problems_of
 from world.fields import ROBOTS_MAX, Length, Model, Position, shown
-from world.radio_model import ChannelModel, Delay, Loss, Outage, Partition, Silence
+from world.radio_model import ChannelModel, Crash, Delay, Loss, Outage, Partition, Silence
 from world.scenario_files import ScenarioError, override, read, shipped
 from world.trace_files import inlined
 
 __all__ = [
     "Capture",
     "ChannelModel",
+    "Crash",
     "Delay",
     "Loss",
     "MoveTarget",
@@ -43,7 +44,7 @@ __all__ = [
 
 SPACING_BODIES = 1.5
 PROBLEMS_SHOWN_MAX = 100
-EVENT_KINDS = ("move-target", "silence", "outage", "partition")
+EVENT_KINDS = ("move-target", "silence", "outage", "partition", "crash")
 
 
 class Placement(Model):
@@ -57,6 +58,8 @@ class Team(Model):
     """The robots: how many or where, what bodies they have, how they decide.
 
     With given ``positions`` every start is moved by up to ``jitter_m`` along each axis, by seed.
+    In real time a robot whose command does not come repeats its last step for up to
+    ``hold_ticks_max`` ticks and then stands still.
     """
 
     robots: Annotated[int, Field(ge=1, le=ROBOTS_MAX)] | None = None
@@ -67,6 +70,7 @@ class Team(Model):
     radius_m: Length = 0.5
     step_m_max: Length = 0.3
     sensing_range_m: Length = 6.0
+    hold_ticks_max: Annotated[int, Field(ge=0, le=1000)] = 5
     motion: Literal["holonomic", "unicycle"] = "holonomic"
     turn_rad_max: Annotated[float, Field(gt=0.0, le=pi)] = pi / 6
 
@@ -113,7 +117,11 @@ class Capture(Model):
 
 
 class Scenario(Model):
-    """One hunt, complete."""
+    """One hunt, complete.
+
+    ``clock``: ticks end when all have answered (``lockstep``) or by the ``wall`` clock. ``radio``:
+    poses pass through the ``world`` or, by the wall clock only, ``direct`` from robot to robot.
+    """
 
     title: str = ""
     description: str = ""
@@ -126,9 +134,12 @@ class Scenario(Model):
     sensing: Sensing = Sensing()
     obstacles: tuple[Obstacle, ...] = ()
     events: tuple[
-        Annotated[MoveTarget | Silence | Outage | Partition, Field(discriminator="kind")], ...
+        Annotated[MoveTarget | Silence | Outage | Partition | Crash, Field(discriminator="kind")],
+        ...,
     ] = ()
     channel: ChannelModel = ChannelModel()
+    radio: Literal["world", "direct"] = "world"
+    clock: Literal["lockstep", "wall"] = "lockstep"
     capture: Capture = Capture()
 
     @cached_property

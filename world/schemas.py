@@ -25,6 +25,9 @@ def _list(items: dict[str, Any]) -> dict[str, Any]:
     return {"type": "array", "items": items}
 
 
+_HEARD = _list({"type": "array", "prefixItems": [_TEXT, _INTEGER, _INTEGER]})
+_REFERENCES = _list({"type": "array", "prefixItems": [_TEXT, _INTEGER]})
+_TIMING = {"type": "array", "prefixItems": [_INTEGER, _INTEGER, _HEARD]}
 _SHAPES: dict[str, dict[str, Any]] = {
     "robot": _TEXT,
     "tick": _INTEGER,
@@ -44,6 +47,13 @@ _SHAPES: dict[str, dict[str, Any]] = {
     "scan": _list(_NUMBER),
     "seen": _list({"type": "array", "prefixItems": [_TEXT, _NUMBER, _NUMBER]}),
     "inbox": _list({"type": "string", "contentEncoding": "binary"}),
+    "lost": _list(_TEXT),
+    "sent_us": {"type": ["integer", "null"]},
+    "admitted": {"anyOf": [_REFERENCES, {"type": "null"}]},
+    "timing": {"anyOf": [_TIMING, {"type": "null"}]},
+    "radio": _TEXT,
+    "first_tick": _INTEGER,
+    "answer_tick": _INTEGER,
     "mode": _TEXT,
     "xi": {"type": ["number", "null"]},
     "point": {"type": ["integer", "null"]},

@@ -1,7 +1,9 @@
 """The world as a process: it takes robots in, runs the rounds, records, and tells how it goes.
 
 As with the robot, asyncio supervises (joins, liveliness, signals, deadlines) and a thread runs the
-rounds. Progress goes to standard output, one JSON object per line, for whoever started the process.
+rounds; whoever of the two has something to do with the core holds its lock, until what comes of it
+was sent. Progress goes to standard output, one JSON object per line, for whoever started the
+process; what happens to robots goes to standard error as well.
 """
 
 import asyncio
@@ -10,26 +12,45 @@ import gc
 import json
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict
-from pathlib import Path
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-from protocol.access import Access
 from protocol.errors import LinkClosed, ProtocolError
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.links import Link
-from protocol.lockstep import Phase
-from protocol.zenoh_link import LinkError, ZenohLink
-from world.core import WorldCore
-from world.engine import Arena
-from world.run_directory import RunDirectoryError, create, start_recording, write_summary
+from protocol.zenoh_link import ZenohLink
+from world.attendance import Attendance, RunEnded
+from world.core import Outgoing, WorldCore
+from world.paced import run_by_clock
+from world.paced_core import PacedCore
+from world.pacing import Punctuality
+from world.recorder import Recorder, RecordingStopped
+from world.result import GO_ON
+from world.resuming import Resumed
 
 JOIN_S_MAX = 30.0
 ANSWER_S_MAX = 3.0
 ASK_AGAIN_S = 1.0
 WATCH_PERIOD_S = 0.1
+FAILED = "failed: "
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What a world puts up with. ``join_s_max``, ``answer_s_max``: how long it waits, in s.
+
+    ``when_lost``: whether the run goes on without a lost robot, or ends. ``parent``: end when
+    standard input does, so that no world outlives the program that started it.
+    """
+
+    join_s_max: float = JOIN_S_MAX
+    answer_s_max: float = ANSWER_S_MAX
+    when_lost: str = GO_ON
+    parent: bool = False
 
 
 def run_rounds(core: WorldCore, link: Link) -> None:
@@ -56,35 +77,37 @@ class Server:
     """One run of one arena, over Zenoh."""
 
     def __init__(
-        self,
-        arena: Arena,
-        run: str,
-        link: ZenohLink,
-        core: WorldCore,
-        join_s_max: float,
-        answer_s_max: float,
+        self, core: WorldCore, link: ZenohLink, terms: Terms, resumed: Resumed | None = None
     ) -> None:
-        self.arena = arena
-        self.run = run
         self.link = link
         self.core = core
-        self.join_s_max = join_s_max
-        self.answer_s_max = answer_s_max
+        self.terms = terms
         self.joined_s: float | None = None
         self.rounds_s = 0.0
         self.begun_unix_s: float | None = None
+        self.punctuality: Punctuality | None = None
+        self._attendance = Attendance(core, terms.when_lost, resumed.briefings if resumed else None)
+        # Who takes up a run has all of it to remember before the first answer.
+        self._taken_up_tick = core.state.tick if resumed else None
+        self._told = len(core.departures)
+        self._lock = threading.Lock()
         self._loop = asyncio.get_running_loop()
         self._trouble: asyncio.Future[str] = self._loop.create_future()
         self._everyone = asyncio.Event()
+        self._over = asyncio.Event()
 
     async def serve(self) -> str:
         """Take the robots in and run the hunt; returns how it ended."""
+        if self.core.ended is not None:
+            return self.core.ended
         started = time.perf_counter()
         for number in (signal.SIGINT, signal.SIGTERM):
             self._loop.add_signal_handler(number, self.stop, f"stopped by {number.name}")
-        self.link.watch(robot_key(self.run, "*", "alive"), self._alive_changed)
-        self.link.announce(world_key(self.run, "alive"))
-        late = self._loop.call_later(self.join_s_max, self._give_up_joining)
+        run = self.core.run
+        self.link.watch(robot_key(run, "*", "alive"), self._alive_changed)
+        self.link.tell_about(world_key(run, "about"), "world")
+        self.link.announce(world_key(run, "alive"))
+        late = self._loop.call_later(self.terms.join_s_max, self._give_up_joining)
         everyone = asyncio.create_task(self._everyone.wait())
         await _first_of(everyone, self._trouble)
         late.cancel()
@@ -96,8 +119,24 @@ class Server:
             self._tell_failure()
         return self.core.ended or ""
 
+    def stop(self, reason: str) -> None:
+        """End the run as failed. Later reasons are ignored."""
+        if not self._trouble.done():
+            self._trouble.set_result(reason)
+
+    def record_with(self, recorder: Recorder) -> None:
+        """Record from now on; a recording that cannot go on ends the run."""
+
+        def record(tick: int, key: str, payload: bytes, at_us: int | None = None) -> None:
+            try:
+                recorder.record(tick, key, payload, at_us)
+            except RecordingStopped as error:
+                self._loop.call_soon_threadsafe(self.stop, str(error))
+
+        self.core.record = record
+
     def _tell_failure(self) -> None:
-        with contextlib.suppress(LinkClosed):
+        with contextlib.suppress(LinkClosed), self._lock:
             send(self.link, self.core.fail(self._trouble.result()))
 
     async def _hunt(self) -> None:
@@ -105,121 +144,108 @@ class Server:
         gc.freeze()
         begun = time.perf_counter()
         self.begun_unix_s = time.time()
-        rounds = asyncio.create_task(asyncio.to_thread(run_rounds, self.core, self.link))
+        rounds = asyncio.create_task(asyncio.to_thread(self._run_rounds))
         watch = asyncio.create_task(self._watch_progress())
-        await _first_of(rounds, self._trouble)
+        over = asyncio.create_task(self._over.wait())
+        await _first_of(rounds, over, self._trouble)
         watch.cancel()
-        if self._trouble.done():
+        over.cancel()
+        if self._trouble.done() and self.core.ended is None:
             self._tell_failure()
+        if not rounds.done():
             await asyncio.to_thread(self.link.close)
         await rounds
+        self._tell_departures()
         self.rounds_s = time.perf_counter() - begun
 
+    def _run_rounds(self) -> None:
+        if isinstance(self.core, PacedCore):
+            self.punctuality = run_by_clock(
+                self.core, self._attendance, self.link, self._act, self.terms.answer_s_max
+            )
+            return
+        self._act(self._attendance.begin)
+        with contextlib.suppress(LinkClosed):
+            while self.core.ended is None:
+                key, payload = self.link.receive()
+                with self._lock:
+                    self._send(self.core.receive(key, payload))
+                    self._send(self._attendance.heard(key, payload))
+
+    def _act(self, change: Callable[[], Outgoing], key: str = "") -> None:
+        """Do something with the core, from whatever thread, and send what comes of it."""
+        try:
+            with self._lock:
+                self._send(change())
+        except ProtocolError as error:
+            self.core.refuse(key, error)
+        except RunEnded as error:
+            self._loop.call_soon_threadsafe(self.stop, str(error))
+        except LinkClosed:
+            pass
+        if self.core.ended is not None:
+            self._loop.call_soon_threadsafe(self._over.set)
+
+    def _send(self, outgoing: Outgoing) -> None:
+        if outgoing:
+            send(self.link, outgoing)
+            send(self.link, self.core.settle())
+
     async def _watch_progress(self) -> None:
-        """Report progress, and end the run if nothing moves for too long."""
+        """Report progress, and see to it that nobody is waited for too long."""
         tick, since = -1, time.monotonic()
         again = 0.0
         while True:
-            state = self.core.state
+            state, now = self.core.state, time.monotonic()
+            self._tell_departures()
             if state.tick != tick:
-                tick, since = state.tick, time.monotonic()
-                again = since + ASK_AGAIN_S
-                say(
-                    {
-                        "tick": tick,
-                        "distances_m": state.geometry.distances[:-1, -1 - self._fixed].tolist(),
-                    }
-                )
-            elif time.monotonic() - since > self.answer_s_max:
-                names = ", ".join(self.core.table.waiting())
-                self.stop(f"no answer from {names} for {self.answer_s_max:g} s at tick {tick}")
-                return
-            elif time.monotonic() > again:
+                tick, since, again = state.tick, now, now + ASK_AGAIN_S
+                distances_m = state.geometry.distances[:-1, -1 - self._fixed].tolist()
+                say({"tick": tick, "distances_m": distances_m})
+            elif now - since > self._patience_s(tick):
+                since = now
+                self._act(partial(self._attendance.silent, self._patience_s(tick)))
+            elif now > again:
                 # A router that was restarted has lost what was under way.
                 again += ASK_AGAIN_S
-                with contextlib.suppress(LinkClosed):
-                    send(self.link, self.core.unanswered())
+                say({"waiting": self.core.table.waiting()})
+                if tick != self._taken_up_tick:
+                    self._act(self.core.unanswered)
             await asyncio.sleep(WATCH_PERIOD_S)
+
+    def _patience_s(self, tick: int) -> float:
+        """How long to wait, in s, for the answers to the observations of a tick."""
+        longest = max(self.terms.answer_s_max, self.terms.join_s_max)
+        return longest if tick == self._taken_up_tick else self.terms.answer_s_max
+
+    def _tell_departures(self) -> None:
+        """Say what has become of robots since the last time."""
+        departures = self.core.departures
+        while self._told < len(departures):
+            tick, robot, what = departures[self._told]
+            self._told += 1
+            say({"departure": [tick, robot, what]})
+            say_error(f"world: tick {tick}: robot {robot} is {what}")
 
     @property
     def _fixed(self) -> int:
-        return len(self.arena.scenario.obstacles)
-
-    def stop(self, reason: str) -> None:
-        """End the run as failed. Later reasons are ignored."""
-        if not self._trouble.done():
-            self._trouble.set_result(reason)
+        return len(self.core.arena.scenario.obstacles)
 
     def _alive_changed(self, key: str, alive: bool) -> None:
         self._loop.call_soon_threadsafe(self._robot_changed, key, alive)
 
     def _robot_changed(self, key: str, alive: bool) -> None:
-        try:
-            robot = parse_key(key).robot or ""
-            if alive:
-                send(self.link, self.core.join(robot))
-            elif robot in self.arena.ids and self.core.ended is None:
-                self.stop(f"robot {robot} is gone at tick {self.core.state.tick}")
-        except ProtocolError as error:
-            self.core.refuse(key, error)
-        if self.core.everyone_joined:
+        change = self._attendance.came if alive else self._attendance.went
+        self._act(lambda: change(parse_key(key).robot or ""), key)
+        if not self._attendance.expected:
             self._everyone.set()
 
     def _give_up_joining(self) -> None:
-        absent = ", ".join(self.core.table.in_phase(Phase.ABSENT))
-        self.stop(f"{absent} did not join within {self.join_s_max:g} s")
-
-
-async def run_world(
-    arena: Arena,
-    run: str,
-    access: Access,
-    out: Path | None,
-    log: Callable[[str], None],
-    join_s_max: float = JOIN_S_MAX,
-    parent: bool = False,
-    answer_s_max: float = ANSWER_S_MAX,
-) -> int:
-    """The world's life; returns the exit status. ``out``: directory for the recording, if any.
-
-    ``parent``: end when standard input does, so that no world outlives the program that started it.
-    """
-    # Built first: a team that cannot be placed leaves nothing behind.
-    core = WorldCore(arena, run, log)
-    try:
-        directory = create(out) if out else None
-        link = await asyncio.to_thread(ZenohLink, access, robot_key(run, "*", "*"))
-    except (RunDirectoryError, LinkError) as error:
-        say_error(f"world: {error}")
-        return 1
-    recorder = start_recording(directory, arena.scenario, run) if directory else None
-    core.record = recorder.record if recorder else None
-    core.shows = True
-    server = Server(arena, run, link, core, join_s_max, answer_s_max)
-    if parent:
-        asyncio.get_running_loop().add_reader(
-            sys.stdin.fileno(), server.stop, "its starter is gone"
-        )
-    say({"listening": str(access)})
-    try:
-        ended = await server.serve()
-    finally:
-        await asyncio.to_thread(link.close)
-        result = core.result()
-        if recorder is not None:
-            recorder.close()
-    extra = {
-        "rounds_s": server.rounds_s,
-        "joined_s": server.joined_s,
-        "begun_unix_s": server.begun_unix_s,
-    }
-    if directory is not None:
-        write_summary(directory, arena.scenario, result, run, extra)
-    say({"result": asdict(result) | extra})
-    if ended.startswith("failed"):
-        say_error(f"world: {ended.removeprefix('failed: ')}")
-        return 1
-    return 0
+        if self._attendance.may_begin:
+            self._everyone.set()
+            return
+        absent = ", ".join(self._attendance.expected)
+        self.stop(f"{absent} did not join within {self.terms.join_s_max:g} s")
 
 
 async def _first_of(*futures: "asyncio.Future[Any]") -> None:

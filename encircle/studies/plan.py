@@ -202,7 +202,10 @@ class Plan(_Model):
         seen: dict[str, str] = {}
         for cell in range(len(self.cells)):
             try:
-                self.scenario_of(cell)
+                if self.scenario_of(cell).clock == "wall":
+                    raise ScenarioError(
+                        "clock = 'wall': a study pairs runs that can be repeated; use 'lockstep'"
+                    )
             except ScenarioError as error:
                 for line in str(error).splitlines()[1:] or [str(error)]:
                     where = ", ".join(f"{k} = {v}" for k, v in self.levels(cell).items())

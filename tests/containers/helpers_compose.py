@@ -48,7 +48,10 @@ class Project:
 
     def start(self) -> None:
         """The same without waiting for the end."""
-        self.compose("up", "--no-build", "--detach")
+        try:
+            self.compose("up", "--no-build", "--detach")
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{self.compose('logs', '--no-color')}") from None
 
     def inspected(self, field: str) -> dict[str, str]:
         """A field of ``docker inspect`` of every container, by service (and number, above one)."""
@@ -69,15 +72,19 @@ class Project:
     def logs(self, service: str) -> str:
         return self.compose("logs", "--no-color", service)
 
+    def tick(self) -> int:
+        """How far the world has come."""
+        reports = [line.partition("{")[2] for line in self.logs("world").splitlines()]
+        ticks = [json.loads("{" + line)["tick"] for line in reports if line.startswith('"tick":')]
+        return max(ticks, default=-1)
+
     def wait_for_tick(self, tick: int) -> None:
         """Until the world has come so far."""
+        self.wait_until(lambda: self.tick() >= tick)
 
-        def reached() -> bool:
-            reports = [line.partition("{")[2] for line in self.logs("world").splitlines()]
-            ticks = [json.loads("{" + line)["tick"] for line in reports if '"tick":' in line]
-            return max(ticks, default=-1) >= tick
-
-        self.wait_until(reached)
+    def wait_for_line(self, service: str, part: str) -> None:
+        """Until a service has said something."""
+        self.wait_until(lambda: part in self.logs(service))
 
     def wait_until(self, happened: Callable[[], bool]) -> None:
         deadline = time.monotonic() + END_S_MAX

@@ -12,7 +12,10 @@ from helpers_compose import HERE, Project
 from helpers_engine import ADDRESS, Daemon, building, install, make_base_image, remove, running
 
 import encircle
-from encircle.replaying import replay
+from encircle.certificates import make_certificates
+from encircle.replaying import read_recording, replay
+from protocol.codec import decode
+from protocol.messages import Command
 
 pytestmark = [
     pytest.mark.skipif("ENCIRCLE_CONTAINERS" not in os.environ, reason="run by make containers"),
@@ -22,17 +25,18 @@ ONE = ("docker-compose.yml",)
 SCALED = (*ONE, "docker-compose.scale.yml")
 IMPAIRED = (*ONE, "docker-compose.impaired.yml")
 HOST = ("docker-compose.host.yml",)
-PARTIES = {"router", "world", "r1", "r2", "r3", "r4"}
-LONG = ";".join(
+ROBOTS = ("r1", "r2", "r3", "r4")
+PARTIES = {"router", "world", *ROBOTS}
+ENDLESS = ";".join(
     (
-        "ticks_max=4000",
+        "ticks_max=1000000",
         "team.sensing_range_m=500.0",
         "target.step_m_max=0.5",
         'target.behaviour="patrol"',
         "target.parameters={waypoints=[[60,0],[60,60],[0,60],[0,0]]}",
     )
 )
-"""A hunt of many seconds: the target is faster than the robots."""
+"""The target is faster than the robots, and to start or stop a container may take long."""
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +89,7 @@ def test_up_runs_simulation_1_as_in_memory_and_leaves_the_recording(engine, runs
     memory = encircle.run("sim1", link="memory")
     with Project(engine, "one", ONE, {"ENCIRCLE_HOST_RUNS": str(runs)}) as project:
         project.up()
-        assert project.statuses() == dict.fromkeys([*PARTIES, "runs"], 0)
+        assert project.statuses() == dict.fromkeys([*PARTIES, "runs"], 0), project.logs("router")
         users = project.inspected(".Config.User")
         assert {users[party] for party in PARTIES} == {"1000:1000"}
         assert all(project.inspected(".HostConfig.ReadonlyRootfs").values())
@@ -110,7 +114,8 @@ def test_six_robots(engine, runs):
     with Project(engine, "six", SCALED, {"ENCIRCLE_HOST_RUNS": str(runs)}) as project:
         project.up()
         statuses = project.statuses()
-    assert statuses == dict.fromkeys([*PARTIES, "runs", "more", "more2"], 0)
+        said = project.logs("router")
+    assert statuses == dict.fromkeys([*PARTIES, "runs", "more", "more2"], 0), said
     assert summary(runs)["digest"] == memory.digest
 
 
@@ -131,21 +136,60 @@ def test_every_container_with_a_loss_and_a_delay_of_its_own(engine, runs):
     assert found["packets_lost"] == memory.result.packets_lost != {}
 
 
-def test_a_robot_whose_container_is_stopped_in_mid_hunt(engine, runs):
-    """The world names it; whatever it decides to do then, all come to an end in good order."""
-    settings = {"ENCIRCLE_HOST_RUNS": str(runs), "ENCIRCLE_SET": LONG}
+def test_a_hunt_goes_on_while_one_robots_container_is_stopped(engine, runs):
+    """It is lost, the other three go on, and started again it is counted in."""
+    settings = {"ENCIRCLE_HOST_RUNS": str(runs), "ENCIRCLE_SET": ENDLESS}
     with Project(engine, "stopped", ONE, settings) as project:
         project.start()
         project.wait_for_tick(100)
         project.compose("stop", "r2")
+        project.wait_for_line("world", "robot r2 is lost")
+        project.compose("start", "r2")
+        project.wait_for_line("world", "robot r2 is back")
+        project.wait_for_tick(project.tick() + 100)
+        project.compose("stop", "world")
         statuses = project.statuses()
-        assert "robot r2" in project.logs("world")
-    assert statuses["router"] == 0
-    assert set(statuses.values()) <= {0, 1}
+    # The world was stopped, and told the robots; the router has done its work.
+    assert statuses == dict.fromkeys(("world", *ROBOTS), 1) | {"router": 0, "runs": 0}
+    found = summary(runs)
+    assert found["ended"] == "failed: stopped by SIGTERM"
+    assert [part[1:] for part in found["departures"]] == [
+        ["r2", "lost: it is gone"],
+        ["r2", "back"],
+    ]
+    (lost, *_), (back, *_) = found["departures"]
     (directory,) = runs.iterdir()
-    check = replay(directory)
-    assert check.same
-    assert check.ticks > 100
+    assert replay(directory).same
+    planned = {
+        tick: decode(Command, payload, "hunt").team
+        for tick, robot, payload in read_recording(directory).of_channel("command")
+        if robot == "r1"
+    }
+    assert lost < back < found["ticks"] - 1
+    assert all("r2" not in planned[tick] for tick in range(lost + 1, back))
+    assert all("r2" in planned[tick] for tick in range(back + 1, found["ticks"]))
+
+
+def test_a_hunt_may_be_told_to_end_when_a_container_is_stopped(engine, runs):
+    """And before that the doctor, asked in a container, finds all well there."""
+    settings = {
+        "ENCIRCLE_HOST_RUNS": str(runs),
+        "ENCIRCLE_SET": ENDLESS,
+        "ENCIRCLE_WHEN_LOST": "end",
+    }
+    with Project(engine, "ended", ONE, settings) as project:
+        project.start()
+        project.wait_for_tick(100)
+        examined = json.loads(project.compose("exec", "-T", "r3", "encircle", "doctor", "--json"))
+        project.compose("kill", "r2")
+        statuses = project.statuses()
+        assert "robot r2 is gone" in project.logs("world")
+    assert examined["well"], examined
+    assert "run hunt: world, r1, r2, r3, r4" in [f["said"] for f in examined["findings"]]
+    ended = dict.fromkeys(("world", *ROBOTS), 1)
+    assert statuses == ended | {"router": 0, "runs": 0, "r2": 137}
+    (directory,) = runs.iterdir()
+    assert replay(directory).same
 
 
 def test_three_hosts_each_with_the_part_that_its_environment_says(engine, runs):
@@ -167,6 +211,50 @@ def test_three_hosts_each_with_the_part_that_its_environment_says(engine, runs):
         assert first.statuses() == {"router": 0, "world": 0, "runs": 0}
         assert second.statuses() == {"r1": 0, "r2": 0}
         assert third.statuses() == {"r3": 0, "r4": 0}
+    assert summary(runs)["digest"] == encircle.run("sim1", link="memory").digest
+
+
+@pytest.fixture
+def certificates() -> Iterator[dict[str, Path]]:
+    """A directory for each host, with the certificates of its own parties and no other key."""
+    root = Path(tempfile.mkdtemp(prefix="encircle-lab-"))
+    lab = make_certificates(root / "lab", 4, ["router", ADDRESS], 1).directory
+    placed = {"middle": ("router", "world"), "left": ("r1", "r2"), "right": ("r3", "r4")}
+    for host, parties in placed.items():
+        (root / host).mkdir(mode=0o700)
+        own = [f"{party}.{part}" for party in parties for part in ("pem", "key")]
+        for name in ("authority.pem", *own):
+            shutil.copy(lab / name, root / host / name)
+        for path in (root / host, *(root / host).iterdir()):
+            os.chown(path, 1000, 1000)
+    yield {host: root / host for host in placed}
+    shutil.rmtree(root)
+
+
+def test_three_hosts_with_certificates(engine, runs, certificates):
+    """Nobody is asked to do without authentication, and each host has its own keys alone."""
+    common = {"ENCIRCLE_CERTIFICATES": "/files", "ENCIRCLE_HOST_RUNS": str(runs)}
+    middle = common | {
+        "COMPOSE_PROFILES": "router,world",
+        "ENCIRCLE_PUBLISH": f"{ADDRESS}:7447",
+        "ENCIRCLE_LISTEN": "tls/0.0.0.0:7447",
+        "ENCIRCLE_CONNECT": "tls/router:7447",
+        "ENCIRCLE_FOR_RUN": "hunt",
+        "ENCIRCLE_FILES": str(certificates["middle"]),
+    }
+    far = common | {"ENCIRCLE_CONNECT": f"tls/{ADDRESS}:7447"}
+    left = far | {"COMPOSE_PROFILES": "r1,r2", "ENCIRCLE_FILES": str(certificates["left"])}
+    right = far | {"COMPOSE_PROFILES": "r3,r4", "ENCIRCLE_FILES": str(certificates["right"])}
+    with (
+        Project(engine, "middle", HOST, middle) as first,
+        Project(engine, "left", HOST, left) as second,
+        Project(engine, "right", HOST, right) as third,
+    ):
+        for project in (first, second, third):
+            project.start()
+        assert first.statuses() == {"router": 0, "world": 0, "runs": 0}, first.logs("world")
+        assert second.statuses() == {"r1": 0, "r2": 0}, second.logs("r1")
+        assert third.statuses() == {"r3": 0, "r4": 0}, third.logs("r3")
     assert summary(runs)["digest"] == encircle.run("sim1", link="memory").digest
 
 

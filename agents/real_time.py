@@ -1,0 +1,83 @@
+"""The robot's rounds in real time: a thread stamps what arrives, this one answers the newest of it.
+
+Two threads, because what came and when must be known also while the robot thinks. The queue between
+them is bounded, as is every wait; when no observation comes for ``silence_ticks_max`` ticks the
+robot commands a stop and says nothing more until one does.
+"""
+
+import queue
+import threading
+from collections.abc import Callable
+
+from agents.core import RobotCore
+from agents.real_time_core import RealTimeCore
+from protocol.codec import decode
+from protocol.errors import LinkClosed, ProtocolError
+from protocol.keys import robot_key
+from protocol.links import Link
+from protocol.mailbox import Mailbox, now_us
+from protocol.messages import Observation
+
+
+def is_timed(core: RobotCore, key: str, payload: bytes) -> bool:
+    """Whether a message is the observation of a world that goes by the clock."""
+    if core.setup is None or not key.endswith("/observation"):
+        return False
+    try:
+        return decode(Observation, payload, core.run).sent_us is not None
+    except ProtocolError:
+        return False
+
+
+def answer(
+    core: RobotCore, link: Link, first: tuple[str, bytes], heard: Callable[[], None]
+) -> None:
+    """Answer until the run ends or the link is closed.
+
+    ``first``: the first observation; ``heard`` is called whenever something has come.
+    """
+    robot = RealTimeCore(core)
+    mail = Mailbox()
+    mail.put(*first)
+    goes_on: queue.SimpleQueue[bool] = queue.SimpleQueue()
+    reader = threading.Thread(target=_read, args=(link, mail, goes_on), name="mail", daemon=True)
+    reader.start()
+    be_deaf = None
+    if core.setup is not None and core.setup.radio == "direct":
+        be_deaf = link.overhear(robot_key(core.run, "*", "pose"), mail.put)
+    try:
+        while core.ended is None:
+            came = mail.take(robot.quiet_s)
+            if not came:
+                _send(link, robot.stop(now_us()))
+                continue
+            heard()
+            for time_us, key, payload in came:
+                robot.take(time_us, key, payload)
+                if key.endswith("/end"):
+                    goes_on.put(core.ended is None)
+            dropped, mail.dropped = mail.dropped, 0
+            robot.no_room(dropped)
+            action = robot.decide() if core.ended is None else None
+            if action is not None:
+                _send(link, robot.said(action, now_us()))
+    finally:
+        if be_deaf is not None:
+            be_deaf()
+
+
+def _read(link: Link, mail: Mailbox, goes_on: "queue.SimpleQueue[bool]") -> None:
+    """Stamp what comes, until the run has ended: what comes then is for the next one."""
+    try:
+        while True:
+            key, payload = link.receive()
+            mail.put(key, payload)
+            if key.endswith("/end") and not goes_on.get():
+                return
+    except LinkClosed:
+        mail.close()
+
+
+def _send(link: Link, messages: list[tuple[str, bytes]]) -> None:
+    for key, payload in messages:
+        link.send(key, payload)

@@ -1,0 +1,159 @@
+"""One robot's side of the protocol in real time, sans I/O and clock: times come in with messages.
+
+The world does not wait. So a robot answers the newest observation that it has and passes over those
+before it, but for what their radio brought: packets that were delivered, or admitted, then. It says
+in its commands how many observations it has passed over and how many never came, when the
+observation came that it answers, when it answers, and when each packet came that it has heard from
+a peer itself; from that the world works out what the network does (``world.transport``).
+
+``RobotCore`` checks and decides as ever; this only chooses what it is given.
+"""
+
+from collections import deque
+from dataclasses import replace
+
+from agents.brain import Action
+from agents.core import RobotCore
+from agents.hearing import Hearing
+from protocol.codec import decode, decode_pose, encode
+from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
+from protocol.keys import parse_key, robot_key
+from protocol.messages import HEARD_MAX, Command, Observation
+from protocol.real_time import MISSED, OVERHEARD, PASSED_OVER, STOPPED
+
+BACKLOG_MAX = 16 * HEARD_MAX
+
+Outgoing = list[tuple[str, bytes]]
+
+
+class RealTimeCore:
+    """The protocol in real time around one robot's core, which must have its setup."""
+
+    def __init__(self, core: RobotCore) -> None:
+        self.core = core
+        self._begin()
+
+    def _begin(self) -> None:
+        """Start afresh, as the brain does with a new setup."""
+        setup = self.core.setup
+        assert setup is not None, "real time begins with a setup"
+        self._setup = setup
+        for name in (PASSED_OVER, MISSED):
+            self.core.refused.pop(name, None)
+        self._hearing = Hearing([robot for robot in setup.team if robot != self.core.robot])
+        self._backlog: deque[tuple[int, str, bytes]] = deque()
+        self._waiting: list[tuple[int, Observation]] = []
+        self._next_tick = setup.first_tick
+        self._sequence = setup.first_tick
+        self._untold: list[tuple[str, int, int]] = []
+        self._came_us = 0
+        self._last: Command | None = None
+
+    @property
+    def quiet_s(self) -> float:
+        """After how long without an observation the robot is to stop."""
+        role = self.core.role
+        assert role is not None, "real time begins with a setup"
+        return role.tick_s * role.parameters.silence_ticks_max
+
+    def take(self, came_us: int, key: str, payload: bytes) -> None:
+        """Take in a message that came at a time by this robot's clock; never raises for it."""
+        try:
+            self._take(came_us, key, payload)
+        except ProtocolError as error:
+            self.core.refuse(key, error)
+
+    def _take(self, came_us: int, key: str, payload: bytes) -> None:
+        run, robot, channel = parse_key(key)
+        if run != self.core.run:
+            raise WrongRun(f"key of run {run!r}, this is {self.core.run!r}")
+        if channel == "pose" and robot != self.core.robot:
+            self._backlog.append((came_us, key, payload))
+            if len(self._backlog) > BACKLOG_MAX:
+                self._backlog.popleft()
+                self._count(OVERHEARD, 1)
+        elif channel == "observation" and robot == self.core.robot:
+            observation = decode(Observation, payload, run)
+            if observation.robot != robot:
+                raise WrongSender(f"observation is for {observation.robot}")
+            if observation.tick < self._next_tick:
+                raise OutOfTurn(
+                    f"observation of tick {observation.tick}, next is {self._next_tick}"
+                )
+            self._count(MISSED, observation.tick - self._next_tick)
+            self._next_tick = observation.tick + 1
+            self._waiting.append((came_us, observation))
+        else:
+            self.core.receive(key, payload)
+            if self.core.setup is not self._setup:
+                self._begin()
+
+    def decide(self) -> Action | None:
+        """Answer the newest observation; None if there is none, or it is refused."""
+        if not self._waiting:
+            return None
+        waiting, self._waiting = self._waiting, []
+        self._came_us, newest = waiting[-1]
+        self._hear()
+        for _, observation in waiting:
+            self._hearing.admit(observation.admitted)
+        self._count(PASSED_OVER, len(waiting) - 1)
+        inbox = [packet for _, observation in waiting for packet in observation.inbox]
+        if self._setup.radio == "direct":
+            inbox += self._hearing.take(newest.tick)
+        try:
+            return self.core.decide(replace(newest, inbox=tuple(inbox)))
+        except ProtocolError as error:
+            self.core.refuse("observation", error)
+            self._count(PASSED_OVER, 1)
+            return None
+
+    def said(self, action: Action, now_us: int) -> Outgoing:
+        """The messages that an action makes, sent at ``now_us`` by this robot's clock."""
+        told, self._untold = tuple(self._untold), []
+        self._last = replace(action.command, timing=(self._came_us, now_us, told))
+        messages = [self._message("command", self._last)]
+        if action.pose is not None:
+            # Numbered one by one, so that a gap is a packet that was lost and nothing else.
+            pose = replace(action.pose, sequence=self._sequence, sent_us=now_us)
+            self._sequence += 1
+            messages.insert(0, self._message("pose", pose))
+        return messages
+
+    def stop(self, now_us: int) -> Outgoing:
+        """No observation has come for ``quiet_s``: stand still and say so; once, then silence."""
+        if self._last is None or self._last.mode == STOPPED:
+            return []
+        timing = (self._came_us, now_us, ())
+        self._last = replace(
+            self._last, step=(0.0, 0.0), mode=STOPPED, published=False, timing=timing
+        )
+        return [self._message("command", self._last)]
+
+    def _hear(self) -> None:
+        """Take in what peers have sent; a command tells of so many, the rest waits for the next."""
+        while self._backlog and len(self._untold) < HEARD_MAX:
+            came_us, key, packet = self._backlog.popleft()
+            try:
+                pose = decode_pose(packet, self.core.run)
+                if pose.robot != parse_key(key).robot:
+                    raise WrongSender(f"pose says it is from {pose.robot!r}")
+                if pose.robot not in self._setup.team:
+                    raise WrongSender(f"pose from {pose.robot}")
+            except ProtocolError as error:
+                self.core.refuse(key, error)
+                continue
+            self._hearing.arrive(pose.robot, pose.sequence, pose.tick, packet)
+            self._untold.append((pose.robot, pose.sequence, came_us))
+
+    def no_room(self, packets: int) -> None:
+        """So many messages have come for which there was no room."""
+        self._count(OVERHEARD, packets)
+
+    def _count(self, name: str, number: int) -> None:
+        if number:
+            self.core.refused[name] += number
+
+    def _message(self, channel: str, message: object) -> tuple[str, bytes]:
+        core = self.core
+        return robot_key(core.run, core.robot, channel), encode(message, core.run)  # type: ignore[arg-type]

@@ -1,0 +1,73 @@
+"""``encircle run``: a hunt with a display, a figure at its end, and a way on if it breaks off."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+
+from encircle.display import Display
+from encircle.hunts import Hunt, check_link, default_directory, resume, run
+from encircle.launch import RunFailed
+from encircle.transport import SHOWN_MAX, show
+from world.recording import read_recording
+from world.run_directory import SUMMARY
+from world.scenario import Scenario, load
+
+
+class Wish(NamedTuple):
+    """What was asked for. ``resume``: a run's directory, instead of scenario, changes and out."""
+
+    scenario: str
+    changes: Sequence[str]
+    out: Path | None
+    resume: Path | None
+    link: str
+    when_lost: str
+
+
+def _hunt(wish: Wish, scenario: Scenario, directory: Path, display: Display) -> Hunt:
+    link, when_lost, progress = wish.link, wish.when_lost, display.update
+    if wish.resume is not None:
+        return resume(directory, link=link, progress=progress, when_lost=when_lost)
+    return run(scenario, link=link, out=directory, progress=progress, when_lost=when_lost)
+
+
+def show_transport(directory: Path) -> None:
+    """What the network did in a run by the clock, from its summary."""
+    summary = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
+    if "transport" in summary:
+        show(summary["transport"], Console(), SHOWN_MAX)
+
+
+def hunt_and_draw(wish: Wish, as_json: bool) -> None:
+    """Run or resume a hunt, draw it, and show what came of it; raises as ``encircle.run``."""
+    if wish.resume is None:
+        scenario = load(wish.scenario, wish.changes)
+        directory = wish.out or default_directory(wish.scenario, scenario.seed)
+    else:
+        scenario, directory = read_recording(wish.resume).scenario, wish.resume
+    check_link(scenario, wish.link)
+    with Display(scenario, wish.link) as display:
+        try:
+            hunt = _hunt(wish, scenario, directory, display)
+        except RunFailed as error:
+            if not error.resumable or scenario.clock == "wall":
+                raise
+            raise RunFailed(f"{error}; to go on: encircle run --resume {directory}") from None
+    # Imported after the hunt: the robots need not wait for the plotting library.
+    from encircle.figures import draw_run
+
+    figure = directory / "trajectory.png"
+    try:
+        draw_run(directory, figure)
+    except OSError as error:
+        raise RunFailed(f"cannot draw {figure}: {error.strerror}") from None
+    if as_json:
+        name = wish.scenario or scenario.title or str(directory)
+        print(json.dumps({**hunt.as_dict(name), "figure": str(figure)}))
+    else:
+        display.show_result(hunt, directory, figure)
+        if scenario.clock == "wall":
+            show_transport(directory)

@@ -1,0 +1,117 @@
+"""What the network did in a recorded run by the clock: the ledger read back, shown as tables."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from protocol.codec import decode
+from protocol.errors import ProtocolError
+from protocol.messages import Command, Observation, Pose, Radio, Setup
+from world.recording import Recording, RecordingError
+from world.traffic import Traffic
+
+ROWS_MAX = 20_000_000
+SHOWN_MAX = 24
+
+
+def traffic_of(recording: Recording) -> Traffic:
+    """The ledger of a recorded run; ``RecordingError`` if it was not one by the clock."""
+    scenario, run = recording.scenario, recording.run
+    if scenario.clock != "wall":
+        raise RecordingError(
+            f"{recording.path}: clock = {scenario.clock!r}: in lock-step no clock is involved,"
+            " so there is nothing to measure; run with --set clock=wall"
+        )
+    traffic = Traffic(scenario.ids, scenario.tick_s, ROWS_MAX)
+    for (tick, topic, payload), at_us in zip(recording.messages, recording.logged_us, strict=True):
+        robot, channel = topic.split("/")[-2:]
+        if channel in ("setup", "observation", "pose", "command") and robot not in scenario.ids:
+            raise RecordingError(f"{topic} of tick {tick}: the team is {', '.join(scenario.ids)}")
+        try:
+            _write(traffic, channel, payload, run, at_us)
+        except ProtocolError as error:
+            raise RecordingError(f"{topic} of tick {tick}: {error}") from None
+    return traffic
+
+
+def _write(traffic: Traffic, channel: str, payload: bytes, run: str, at_us: int) -> None:
+    if channel == "setup":
+        setup = decode(Setup, payload, run)
+        traffic.joined(setup.robot, setup.first_tick)
+    elif channel == "observation":
+        observation = decode(Observation, payload, run)
+        if observation.sent_us is not None:
+            traffic.asked(observation.robot, observation.tick, observation.sent_us)
+    elif channel == "pose":
+        traffic.packet(decode(Pose, payload, run), at_us)
+    elif channel == "command":
+        traffic.answered(decode(Command, payload, run), at_us)
+    elif channel == "radio":
+        traffic.radioed(decode(Radio, payload, run))
+
+
+def show(report: dict[str, Any], console: Console, shown_max: int | None = None) -> None:
+    """The tables of a report (``world.transport.report``); at most ``shown_max`` links."""
+    links = report["links"]
+    _table(
+        console,
+        "actual: what the network did",
+        ("from", "to", "carries", "sent", "lost", "delay ms", "99 %", "+-", ""),
+        [
+            (
+                *(link["sender"], link["receiver"], link["carries"]),
+                *(f"{link['sent']}", f"{link['lost']}"),
+                *(_ms(link[f"delay_s_{name}"]) for name in ("median", "p99", "error")),
+                link["delay_refused"] or "",
+            )
+            for link in links
+        ],
+        shown_max,
+    )
+    injected = report["injected"]
+    if any(link["lost"] or link["copied"] for link in injected):
+        sent = [
+            (
+                *(link["sender"], link["receiver"], f"{link['sent']}"),
+                ", ".join(f"{n} by {cause}" for cause, n in link["lost"].items()) or "0",
+                *(_ms(link["delay_s_mean"]), _ms(link["delay_s_max"])),
+            )
+            for link in injected
+        ]
+        over = ("from", "to", "sent", "lost", "delay ms", "longest")
+        _table(console, "injected: what the modelled radio did", over, sent, shown_max)
+    clocks = [
+        (
+            clock["robot"],
+            *(_ms(clock[name]) for name in ("offset_s", "error_s", "round_trip_s_median")),
+            "" if clock["steady"] else "set anew in mid-run",
+        )
+        for clock in report["clocks"]
+    ]
+    heads = ("clock of", "ahead ms", "+-", "round trip ms", "")
+    _table(console, "clocks, compared with the world's", heads, clocks, shown_max)
+    if report["incomplete_from_tick"] is not None:
+        console.print(f"from tick {report['incomplete_from_tick']} on nothing was written down")
+
+
+def _table(
+    console: Console,
+    title: str,
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    shown_max: int | None,
+) -> None:
+    table = Table(title=title, title_justify="left")
+    for head in heads:
+        table.add_column(head, justify="left" if head in ("from", "to", "carries", "") else "right")
+    for row in rows[:shown_max]:
+        table.add_row(*row)
+    console.print(table)
+    if shown_max is not None and len(rows) > shown_max:
+        console.print(f"and {len(rows) - shown_max} more: encircle transport RUN")
+
+
+def _ms(value_s: float | None) -> str:
+    return "-" if value_s is None else f"{value_s * 1e3:.2f}"

@@ -1,0 +1,13 @@
+"""The words that only runs by the clock use: names of counts and of a mode, in commands.
+
+A robot counts in ``Command.refused``, beside what it has refused, the observations that it has
+passed over because a newer one was there, those that never came, and packets from its peers for
+which it had no room. With the first two, the world can tell a command that was lost on its way from
+one that was never given.
+"""
+
+PASSED_OVER = "passed-over"
+MISSED = "missed"
+OVERHEARD = "overheard"
+STOPPED = "stop"
+"""Mode of the command that a robot gives, unasked, when no observation comes: it stands still."""

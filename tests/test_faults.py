@@ -1,0 +1,363 @@
+"""Hunts as real processes to which something happens: they go on, or say why not."""
+
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers_hosts import Party
+
+import encircle
+from encircle.launch import free_endpoint
+from encircle.replaying import read_recording, replay
+from protocol import VERSION
+from world.resuming import rebuild
+
+ROBOTS = ("r1", "r2", "r3", "r4")
+LONG: dict[str, Any] = {
+    "ticks_max": 400,
+    "team": {"robots": 4, "sensing_range_m": 500.0},
+    "target": {
+        "behaviour": "patrol",
+        "parameters": {"waypoints": [[60, 0], [60, 60], [0, 60], [0, 0]]},
+        "step_m_max": 0.5,
+    },
+}
+"""The target is faster than the robots, so that there is time for things to happen."""
+ENDLESS = LONG | {"ticks_max": 1_000_000}
+ANSWER_S = "0.5"
+SOME_TICKS = 20
+ENOUGH_BYTES = 150_000
+"""Of a recording: the hunt is under way, and two chunks at least are on the disk."""
+ROOM_BYTES = 400_000
+
+
+class Hunt:
+    """A world and its robots, each started by hand, on an endpoint of their own."""
+
+    def __init__(self, folder: Path, scenario: dict[str, Any]) -> None:
+        self.folder, self.out = folder, folder / "run"
+        self.endpoint = free_endpoint()
+        self.parties: list[Party] = []
+        self.scenario = folder / "scenario.json"
+        self.scenario.write_text(json.dumps(scenario))
+        self.robots: dict[str, Party] = {}
+
+    def start(self, *arguments: str) -> Party:
+        return self.start_as(arguments[0], "-m", *arguments)
+
+    def start_as(self, name: str, *arguments: str) -> Party:
+        log = self.folder / f"{len(self.parties)}-{name}"
+        party = Party([sys.executable, *arguments, "--run", "faulty"], log, {})
+        self.parties.append(party)
+        return party
+
+    def start_world(self, how: str = "--listen", answer_s: str = ANSWER_S) -> None:
+        self.world = self.start(
+            *("world", str(self.scenario), how, self.endpoint, "--out", str(self.out)),
+            *("--answer-timeout", answer_s),
+        )
+
+    def start_router(self) -> Party:
+        command = ("-m", "protocol.router", "--listen", self.endpoint)
+        party = Party([sys.executable, *command], self.folder / f"{len(self.parties)}-router", {})
+        self.parties.append(party)
+        party.wait_for_listening()
+        return party
+
+    def start_robot(self, robot: str, *options: str) -> Party:
+        party = self.start("agents", robot, "--connect", self.endpoint, *options)
+        self.robots[robot] = party
+        return party
+
+    def start_all(self, *options: str) -> None:
+        self.start_world()
+        for robot in ROBOTS:
+            self.start_robot(robot, *options)
+
+    @property
+    def tick(self) -> int:
+        return max((r["tick"] for r in self.world.reports() if "tick" in r), default=-1)
+
+    @property
+    def departures(self) -> list[tuple[str, str]]:
+        """What became of robots so far, without the ticks."""
+        found = [r["departure"] for r in self.world.reports() if "departure" in r]
+        return [(robot, what) for _, robot, what in found]
+
+    def wait_for_ticks(self) -> None:
+        """Until the run has gone on a little."""
+        self.world.wait_for_tick(self.tick + SOME_TICKS)
+
+    def wait_for(self, happened: Callable[[list[tuple[str, str]]], bool]) -> None:
+        self.world.wait_until(lambda _world: happened(self.departures))
+
+    def signal(self, robot: str, number: signal.Signals) -> None:
+        os.kill(self.robots[robot].pid, number)
+
+    def close(self) -> None:
+        for party in self.parties:
+            party.kill()
+
+
+@pytest.fixture
+def hunt(tmp_path) -> Iterator[Hunt]:
+    made = Hunt(tmp_path, ENDLESS)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def finite_hunt(tmp_path) -> Iterator[Hunt]:
+    made = Hunt(tmp_path, LONG)
+    yield made
+    made.close()
+
+
+def teams_at(recording, tick: int) -> dict[str, tuple[str, ...]]:
+    from protocol.codec import decode
+    from protocol.messages import Command
+
+    return {
+        robot: decode(Command, payload, recording.run).team
+        for at, robot, payload in recording.of_channel("command")
+        if at == tick
+    }
+
+
+def test_robots_killed_started_anew_frozen_and_thawed_are_lost_and_counted_in_again(hunt):
+    hunt.start_all()
+    hunt.wait_for_ticks()
+    hunt.signal("r2", signal.SIGKILL)
+    hunt.wait_for(lambda seen: seen == [("r2", "lost: it is gone")])
+    hunt.wait_for_ticks()
+    hunt.start_robot("r2")
+    hunt.wait_for(lambda seen: seen[1:] == [("r2", "back")])
+    hunt.wait_for_ticks()
+    hunt.signal("r3", signal.SIGSTOP)
+    hunt.wait_for(lambda seen: seen[2:] == [("r3", f"lost: no answer for {ANSWER_S} s")])
+    hunt.wait_for_ticks()
+    hunt.signal("r3", signal.SIGCONT)
+    hunt.wait_for(lambda seen: seen[3:] == [("r3", "back")])
+    hunt.wait_for_ticks()
+    assert hunt.world.terminate() == 1
+    assert "stopped by SIGTERM" in hunt.world.said
+    assert [party.end() for party in hunt.robots.values()] == [1] * 4
+
+    departures = hunt.world.result()["departures"]
+    for tick, robot, what in departures:
+        assert f"world: tick {tick}: robot {robot} is {what}" in hunt.world.said
+    assert json.loads((hunt.out / "summary.json").read_text())["departures"] == departures
+    ticks = [tick for tick, _, _ in departures]
+    recording = read_recording(hunt.out)
+    assert replay(hunt.out).same
+    everybody = dict.fromkeys(ROBOTS, ROBOTS)
+    without = dict.fromkeys(("r1", "r3", "r4"), ("r1", "r3", "r4"))
+    assert teams_at(recording, ticks[0] - 1) == everybody
+    assert teams_at(recording, ticks[0] + 1) == without
+    assert teams_at(recording, ticks[1] + 5) == everybody
+    assert set(teams_at(recording, ticks[2] + 1)) == {"r1", "r2", "r4"}
+    assert teams_at(recording, ticks[3] + 5) == everybody
+    # Whoever takes the run up comes to the same, losses and returns included.
+    rebuilt = rebuild(recording).core.departures
+    assert [(t, robot, what[:4]) for t, robot, what in rebuilt] == [
+        (t, robot, what[:4]) for t, robot, what in departures
+    ]
+
+
+def test_a_run_without_any_robot_left_fails_with_one_line(hunt):
+    hunt.start_all()
+    hunt.wait_for_ticks()
+    for robot in ROBOTS:
+        hunt.signal(robot, signal.SIGKILL)
+    assert hunt.world.end() == 1
+    assert hunt.world.said.splitlines()[-1].endswith(", and no robot is left")
+    assert replay(hunt.out).same
+
+
+def test_robots_wait_for_a_world_that_is_resumed_and_finish_its_run(finite_hunt):
+    hunt = finite_hunt
+    hunt.start_all()
+    hunt.world.wait_until(lambda _world: recorded_bytes(hunt.out) > ENOUGH_BYTES)
+    hunt.world.kill()
+    for party in hunt.robots.values():
+        party.wait_until(lambda robot: "waiting up to 10 s for it" in robot.said)
+    again = hunt.start("world", "--resume", str(hunt.out), "--listen", hunt.endpoint)
+    assert again.end() == 0, again.said
+    assert [party.end() for party in hunt.robots.values()] == [0] * 4
+    unbroken = encircle.run(hunt.scenario, link="memory")
+    assert again.result()["digest"] == unbroken.digest
+    assert again.result()["departures"] == []
+    assert replay(hunt.out).same
+    assert read_recording(hunt.out).complete
+
+
+def recorded_bytes(out: Path) -> int:
+    recording = out / "recording.mcap"
+    return recording.stat().st_size if recording.exists() else 0
+
+
+def test_robots_whose_world_does_not_come_back_end_with_one_line(hunt):
+    hunt.start_all("--world-timeout", "0.5")
+    hunt.wait_for_ticks()
+    hunt.world.kill()
+    for name, party in hunt.robots.items():
+        assert party.end() == 1
+        standing, ended = party.said.splitlines()
+        assert standing.startswith(f"robot {name}: the world of run faulty at {hunt.endpoint} is")
+        assert "standing still" in standing
+        assert ended.endswith("is gone, and was not back within 0.5 s")
+
+
+def test_a_router_that_is_killed_and_started_anew_changes_nothing(finite_hunt):
+    hunt = finite_hunt
+    router = hunt.start_router()
+    hunt.start_world("--connect", answer_s="20")
+    for robot in ROBOTS:
+        hunt.start_robot(robot)
+    hunt.wait_for_ticks()
+    router.kill()
+    hunt.start_router()
+    assert [party.end() for party in (hunt.world, *hunt.robots.values())] == [0] * 5
+    assert hunt.world.result()["departures"] == []
+    assert hunt.world.result()["digest"] == encircle.run(hunt.scenario, link="memory").digest
+
+
+def test_a_second_robot_of_one_id_and_a_second_world_do_not_start(hunt):
+    hunt.start_all()
+    hunt.wait_for_ticks()
+    second = hunt.start("agents", "r2", "--connect", hunt.endpoint)
+    other = hunt.start("world", "sim1", "--connect", hunt.endpoint)
+    assert (second.end(), other.end()) == (1, 1)
+    assert second.said.splitlines() == ["robot r2: there is a robot r2 in run faulty already"]
+    assert other.said.splitlines() == ["world: there is a world of run faulty already"]
+    hunt.wait_for_ticks()
+    hunt.world.terminate()
+    assert hunt.world.result()["refused"] == {}
+    assert hunt.world.result()["departures"] == []
+    assert replay(hunt.out).same
+
+
+OTHER_VERSION = """
+import sys, protocol
+protocol.VERSION = 99
+from agents.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_robot_that_speaks_another_version_says_which_and_the_run_goes_on_without_it(hunt):
+    hunt.start_world()
+    for robot in ROBOTS[1:]:
+        hunt.start_robot(robot)
+    options = ("--connect", hunt.endpoint, "--join-timeout", "3")
+    odd = hunt.start_as("r1", "-c", OTHER_VERSION, "r1", *options)
+    hunt.wait_for(lambda seen: seen == [("r1", f"lost: no answer for {ANSWER_S} s")])
+    assert odd.end() == 1
+    last = odd.said.splitlines()[-1]
+    assert last.startswith(f"robot r1: the world of run faulty at {hunt.endpoint} speaks another")
+    assert f"has version {VERSION}, this program speaks 99" in last
+    hunt.wait_for_ticks()
+
+
+class Command:
+    """``encircle run`` of a long hunt, with the ids of the processes that it starts."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        self.party = Party(
+            [sys.executable, "-m", "encircle", "run", *arguments], folder / "cli", {}
+        )
+        self.party.wait_until(lambda cli: "processes: " in cli.said)
+        line = next(x for x in self.party.said.splitlines() if x.startswith("processes: "))
+        named = line.removeprefix("processes: ").split(", ")
+        self.pids = {name: int(pid) for name, pid in (pair.split() for pair in named)}
+
+
+def test_a_run_whose_world_was_killed_is_resumed_from_the_command_line(tmp_path):
+    scenario, out = tmp_path / "long.json", tmp_path / "run"
+    scenario.write_text(json.dumps(LONG))
+    unbroken = encircle.run(scenario, link="memory")
+    first = Command(tmp_path, str(scenario), "--out", str(out))
+    first.party.wait_until(lambda _cli: recorded_bytes(out) > ENOUGH_BYTES)
+    os.kill(first.pids["world"], signal.SIGKILL)
+    assert first.party.end() == 1
+    last = first.party.said.splitlines()[-1]
+    assert last.startswith("encircle: the run failed: the world was killed by SIGKILL at tick ")
+    assert last.endswith(f"; to go on: encircle run --resume {out}")
+    in_memory = shutil.copytree(out, tmp_path / "copy")
+
+    # Killed once more while it is resumed, it can be resumed once more.
+    second = Command(tmp_path, "--resume", str(out))
+    broken = recorded_bytes(out)
+    second.party.wait_until(lambda _cli: recorded_bytes(out) > broken + ENOUGH_BYTES)
+    os.kill(second.pids["world"], signal.SIGKILL)
+    assert second.party.end() == 1
+    third = Command(tmp_path, "--resume", str(out), "--json")
+    assert third.party.end() == 0, third.party.said
+    assert third.party.printed()["digest"] == unbroken.digest
+    assert encircle.resume(in_memory, link="memory").digest == unbroken.digest
+    for place in (out, in_memory):
+        assert replay(place).same
+        assert read_recording(place).complete
+    assert (out / "recording-broken-2.mcap").exists()
+
+
+def test_a_robot_killed_in_a_run_from_the_command_line_is_told_of_and_shown(tmp_path):
+    scenario, out = tmp_path / "long.json", tmp_path / "run"
+    scenario.write_text(json.dumps(LONG))
+    command = Command(tmp_path, str(scenario), "--out", str(out), "--json")
+    command.party.wait_until(lambda _cli: recorded_bytes(out) > ENOUGH_BYTES)
+    os.kill(command.pids["r2"], signal.SIGKILL)
+    assert command.party.end() == 0
+    [[tick, robot, what]] = command.party.printed()["departures"]
+    assert (robot, what) == ("r2", "lost: it is gone")
+    assert f"tick {tick}: robot r2 is lost: it is gone" in command.party.said.splitlines()
+    assert "robot r2 was killed by SIGKILL" in command.party.said.splitlines()
+
+
+def test_a_run_that_shall_end_when_a_robot_is_lost_does(tmp_path):
+    scenario, out = tmp_path / "long.json", tmp_path / "run"
+    scenario.write_text(json.dumps(ENDLESS))
+    command = Command(tmp_path, str(scenario), "--out", str(out), "--when-lost", "end")
+    command.party.wait_until(lambda _cli: recorded_bytes(out) > ENOUGH_BYTES)
+    os.kill(command.pids["r3"], signal.SIGKILL)
+    assert command.party.end() == 1
+    assert "robot r3 is gone at tick" in command.party.said.splitlines()[-1]
+
+
+@pytest.mark.parametrize("link", ["zenoh", "memory"])
+def test_a_full_disk_ends_the_run_with_one_line_and_leaves_a_recording_to_go_on_with(
+    tmp_path, link
+):
+    scenario, out = tmp_path / "long.json", tmp_path / "run"
+    scenario.write_text(json.dumps(LONG))
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "encircle", "run", str(scenario), "--link", link),
+            *("--out", str(out)),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        # As if the disk had so much room for a file, and no more.
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM_BYTES, ROOM_BYTES)),
+    )
+    assert done.returncode == 1
+    failed = [line for line in done.stderr.splitlines() if line.startswith("encircle:")]
+    reason = f"cannot record to {out / 'recording.mcap'}: File too large"
+    assert [line.split("; ")[0] for line in failed] == [f"encircle: the run failed: {reason}"]
+    assert "Traceback" not in done.stderr
+    check = replay(out)
+    assert check.same
+    assert not check.complete
+    assert (
+        encircle.resume(out, link="memory").digest == encircle.run(scenario, link="memory").digest
+    )

@@ -1,0 +1,201 @@
+"""One robot by the clock: it answers the newest observation and loses nothing that it was told."""
+
+from dataclasses import replace
+
+import pytest
+
+from agents.core import RobotCore
+from agents.real_time_core import BACKLOG_MAX, RealTimeCore
+from protocol.codec import decode, encode
+from protocol.keys import robot_key
+from protocol.messages import HEARD_MAX, Command, Observation, Pose, Setup
+from protocol.real_time import MISSED, OVERHEARD, PASSED_OVER, STOPPED
+
+RUN = "clocked"
+TEAM = ("r1", "r2", "r3")
+SETUP = Setup("r1", TEAM, 0.02, "xi-star", {}, "direct")
+
+
+def robot(setup: Setup = SETUP) -> RealTimeCore:
+    core = RobotCore("r1", RUN)
+    core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN))
+    return RealTimeCore(core)
+
+
+def observation(tick: int, **changes) -> Observation:
+    position = (4.0 - 0.25 * tick, 0.0)
+    seen = Observation("r1", tick, position, 0.0, (0.0, 0.0), (6.0,) * 8, (), (), sent_us=tick)
+    return replace(seen, **changes)
+
+
+def tell(core: RealTimeCore, *told: Observation, came_us: int = 50) -> None:
+    for one in told:
+        core.take(came_us, robot_key(RUN, "r1", "observation"), encode(one, RUN))
+
+
+def packet(sender: str, sequence: int, tick: int, x: float = 1.0) -> Pose:
+    return Pose(
+        *(sender, tick, sequence, (x, 2.0), (0.0, 0.0), None, "encircle", None, None),
+        sent_us=1,
+    )
+
+
+def hear(core: RealTimeCore, pose: Pose, came_us: int = 7, key: str = "") -> None:
+    core.take(came_us, robot_key(RUN, key or pose.robot, "pose"), encode(pose, RUN))
+
+
+def answered(core: RealTimeCore, now_us: int = 99) -> tuple[Command, Pose | None]:
+    action = core.decide()
+    assert action is not None
+    said = {key.rsplit("/", 1)[1]: payload for key, payload in core.said(action, now_us)}
+    pose = decode(Pose, said["pose"], RUN) if "pose" in said else None
+    return decode(Command, said["command"], RUN), pose
+
+
+def test_the_newest_observation_is_answered_and_the_others_are_counted():
+    core = robot()
+    tell(core, observation(0), observation(1), observation(2))
+    command, pose = answered(core)
+    assert command.tick == pose.tick == 2
+    assert command.refused == {PASSED_OVER: 2}
+    assert core.decide() is None
+
+
+def test_observations_that_never_came_are_counted():
+    core = robot()
+    tell(core, observation(0))
+    assert answered(core)[0].refused == {}
+    tell(core, observation(4))
+    assert answered(core)[0].refused == {MISSED: 3}
+
+
+def test_older_observations_than_the_newest_are_refused():
+    core = robot()
+    tell(core, observation(3))
+    answered(core)
+    tell(core, observation(2), observation(3))
+    assert core.decide() is None
+    assert core.core.refused["out-of-turn"] == 2
+
+
+def test_velocity_is_the_way_made_by_the_time_it_took():
+    core = robot()
+    tell(core, observation(0))
+    answered(core)
+    tell(core, observation(4))
+    # 0.25 m per tick of 20 ms, whatever was missed in between.
+    assert answered(core)[1].velocity == pytest.approx((-12.5, 0.0))
+
+
+def test_packets_are_numbered_one_by_one_and_carry_the_clock():
+    core = robot(replace(SETUP, first_tick=30, answer_tick=30))
+    sequences = []
+    for tick in (30, 33, 34):
+        tell(core, observation(tick))
+        _, pose = answered(core, now_us=1000 + tick)
+        sequences.append(pose.sequence)
+        assert pose.sent_us == 1000 + tick
+    assert sequences == [30, 31, 32]
+
+
+def test_commands_tell_when_what_came_and_each_packet_once():
+    core = robot()
+    hear(core, packet("r2", 0, 0), came_us=5)
+    hear(core, packet("r3", 0, 0), came_us=6)
+    tell(core, observation(1), came_us=8)
+    assert answered(core, 12)[0].timing == (8, 12, (("r2", 0, 5), ("r3", 0, 6)))
+    tell(core, observation(2), came_us=28)
+    assert answered(core, 30)[0].timing == (28, 30, ())
+
+
+def test_what_is_heard_goes_into_the_plan_unless_the_radio_does_not_admit_it():
+    for admitted, team in ((None, ("r1", "r2")), ((), ("r1",)), ((("r2", 0),), ("r1", "r2"))):
+        core = robot()
+        hear(core, packet("r2", 0, 0))
+        tell(core, observation(1, admitted=admitted))
+        assert answered(core)[0].team == team
+
+
+def test_what_was_admitted_in_an_observation_passed_over_is_heard_all_the_same():
+    core = robot()
+    hear(core, packet("r2", 0, 0))
+    tell(core, observation(1, admitted=(("r2", 0),)), observation(2, admitted=()))
+    assert answered(core)[0].team == ("r1", "r2")
+
+
+def test_what_the_worlds_radio_brought_in_an_observation_passed_over_is_heard_all_the_same():
+    core = robot(replace(SETUP, radio="world"))
+    brought = encode(packet("r3", 0, 0), RUN)
+    tell(core, observation(1, inbox=(brought,)), observation(2))
+    assert answered(core)[0].team == ("r1", "r3")
+
+
+@pytest.mark.parametrize(
+    ("pose", "key", "cause"),
+    [
+        (packet("r2", 0, 0), "r3", "wrong-sender"),
+        (packet("r9", 0, 0), "r9", "wrong-sender"),
+        (packet("r1", 0, 0), "r1", "out-of-turn"),
+    ],
+)
+def test_packets_that_cannot_be_are_refused_and_counted(pose, key, cause):
+    core = robot(replace(SETUP, first_tick=1, answer_tick=1))
+    hear(core, pose, key=key)
+    core.take(1, robot_key(RUN, "r2", "pose"), b"garbage")
+    tell(core, observation(1))
+    command, _ = answered(core)
+    assert command.refused == {cause: 1, "malformed": 1}
+    assert command.timing[2] == ()
+    assert command.team == ("r1",)
+
+
+def test_more_packets_than_a_command_can_tell_of_wait_for_the_next():
+    core = robot()
+    for number in range(HEARD_MAX + 5):
+        hear(core, packet("r2", number, 0))
+    told = []
+    for tick in (1, 2):
+        tell(core, observation(tick))
+        told.append([number for _, number, _ in answered(core)[0].timing[2]])
+    assert told == [list(range(HEARD_MAX)), list(range(HEARD_MAX, HEARD_MAX + 5))]
+
+
+def test_a_flood_of_packets_is_bounded_and_counted():
+    core = robot(replace(SETUP, first_tick=1, answer_tick=1))
+    for number in range(BACKLOG_MAX + 9):
+        hear(core, packet("r2", number, 0))
+    tell(core, observation(1))
+    assert answered(core)[0].refused == {OVERHEARD: 9}
+
+
+def test_without_observations_it_stops_once_and_then_keeps_silent():
+    core = robot(replace(SETUP, parameters={"silence_ticks_max": 25}))
+    assert core.quiet_s == 0.5
+    assert core.stop(1) == []
+    tell(core, observation(0), came_us=3)
+    answered(core)
+    [(key, payload)] = core.stop(77)
+    command = decode(Command, payload, RUN)
+    assert key == robot_key(RUN, "r1", "command")
+    assert (command.tick, command.step, command.mode) == (0, (0.0, 0.0), STOPPED)
+    assert not command.published
+    assert command.timing == (3, 77, ())
+    assert core.stop(99) == []
+    tell(core, observation(9))
+    assert answered(core)[0].mode != STOPPED
+    assert len(core.stop(100)) == 1
+
+
+def test_a_setup_in_mid_run_begins_afresh():
+    core = robot()
+    hear(core, packet("r2", 0, 0))
+    tell(core, observation(0), observation(1))
+    answered(core)
+    again = replace(SETUP, first_tick=9, answer_tick=9)
+    core.take(1, robot_key(RUN, "r1", "setup"), encode(again, RUN))
+    tell(core, observation(8), observation(9))
+    command, pose = answered(core)
+    assert command.tick == pose.sequence == 9
+    assert command.team == ("r1",)
+    assert pose.velocity == (0.0, 0.0)
+    assert MISSED not in command.refused

@@ -1,0 +1,257 @@
+"""What is worked out of a run's ledger, against what a made-up network did to it."""
+
+import numpy as np
+import pytest
+from helpers_real_time import EPOCH_US, Simulated, by_clock
+
+from protocol.messages import Radio
+from world.traffic import Traffic
+from world.transport import (
+    SETTLE_S,
+    clock,
+    delay_refusal,
+    injected,
+    links_of,
+    offsets_of,
+    report,
+    ways_of,
+)
+
+OFFSETS_US = {"r1": 0, "r2": 3_600_000_000, "r3": -7_000_000, "r4": 12_345}
+DRIFTS = {"r1": 5e-5, "r2": -9e-5, "r3": 0.0, "r4": 2e-5}
+
+
+def delays_us(sender: str, receiver: str, channel: str, number: int) -> int:
+    """Another delay for every link, with queues, slower to the robots than back."""
+    base = {"observation": 2000, "command": 900, "pose": 1300}[channel]
+    generator = np.random.default_rng([number, *f"{sender}{receiver}{channel}".encode()])
+    return base + int(generator.exponential(600))
+
+
+def lossy(sender: str, receiver: str, channel: str, number: int) -> int | None:
+    """A fifth of all packets is lost, and no other message."""
+    return lossier(sender, receiver, channel, number) or (
+        None if channel == "pose" else delays_us(sender, receiver, channel, number)
+    )
+
+
+def lossier(sender: str, receiver: str, channel: str, number: int) -> int | None:
+    """A fifth of everything is lost."""
+    generator = np.random.default_rng([9, number, *f"{sender}{receiver}{channel}".encode()])
+    return None if generator.random() < 0.2 else delays_us(sender, receiver, channel, number)
+
+
+@pytest.fixture(scope="module")
+def clean() -> Simulated:
+    played = Simulated(by_clock("radio=direct"), delays_us, OFFSETS_US, DRIFTS)
+    played.run()
+    return played
+
+
+@pytest.fixture(scope="module")
+def losing() -> Simulated:
+    played = Simulated(by_clock("radio=direct", "ticks_max=200"), lossy, OFFSETS_US, DRIFTS)
+    played.run()
+    return played
+
+
+@pytest.fixture(scope="module")
+def losing_all() -> Simulated:
+    played = Simulated(by_clock("radio=direct"), lossier, OFFSETS_US, DRIFTS)
+    played.run()
+    return played
+
+
+def link(played: Simulated, sender: str, receiver: str, carries: str):
+    [found] = [
+        one
+        for one in links_of(played.world.traffic)
+        if (one.sender, one.receiver, one.carries) == (sender, receiver, carries)
+    ]
+    return found
+
+
+def test_clocks_an_hour_apart_are_told_within_their_bounds(clean):
+    for robot, ahead_us in OFFSETS_US.items():
+        told = clock(robot, offsets_of(clean.world.traffic, robot))
+        last_us = clean.world.state.tick * 20_000
+        true_s = (ahead_us + DRIFTS[robot] * last_us) / 1e6
+        assert told["steady"]
+        assert abs(told["offset_s"] - true_s) <= told["error_s"] < 0.003
+        # Nothing is quicker than the two ways without queues.
+        assert told["round_trip_s_median"] >= 0.0029
+
+
+def test_one_way_delays_are_what_was_put_in_within_their_bounds(clean):
+    traffic = clean.world.traffic
+    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
+    for sender, receiver in (("r1", "r2"), ("r2", "r1"), ("r4", "r3")):
+        ways = ways_of(traffic, sender, receiver, offsets)
+        assert len(ways) > 90
+        for number, way in enumerate(ways):
+            assert not way.lost
+            true_us = delays_us(sender, receiver, "pose", number)
+            assert abs(way.delay_us - true_us) <= way.error_us
+
+
+@pytest.mark.parametrize(
+    ("sender", "receiver", "channel"),
+    [("world", "r2", "observation"), ("r2", "world", "command"), ("r2", "world", "pose")],
+)
+def test_delays_of_the_legs_are_what_was_put_in_within_their_bounds(
+    clean, sender, receiver, channel
+):
+    found = link(clean, sender, receiver, channel)
+    put_in = [delays_us(sender, receiver, channel, k) / 1e6 for k in range(found.sent)]
+    assert found.lost == 0
+    assert found.delay_refused is None
+    assert abs(found.delay_s_median - np.median(put_in)) <= found.delay_s_error + 1e-5
+    assert found.delay_s_error < 0.003
+
+
+def test_losses_between_robots_are_exactly_those_of_the_network(losing):
+    traffic = losing.world.traffic
+    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
+    for sender in traffic.robots:
+        for receiver in traffic.robots:
+            if sender == receiver:
+                continue
+            lost = [way.lost for way in ways_of(traffic, sender, receiver, offsets)]
+            truth = losing.sent[sender, receiver, "pose"]
+            first = truth.index(False)
+            assert lost == truth[first : first + len(lost)]
+            # All but what was sent in the last second, or before the first was heard.
+            assert len(truth) - first - len(lost) <= SETTLE_S / 0.02 + 2
+            assert any(lost)
+
+
+def test_nothing_is_said_of_packets_of_which_a_lost_command_may_have_told(losing_all):
+    traffic = losing_all.world.traffic
+    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
+    for sender, receiver in (("r1", "r2"), ("r2", "r3"), ("r4", "r1")):
+        ways = ways_of(traffic, sender, receiver, offsets)
+        truth = losing_all.sent[sender, receiver, "pose"]
+        assert 20 < len(ways) < len(truth)
+        assert all(way.lost == truth[way.number] for way in ways)
+
+
+def test_losses_of_commands_observations_and_packets_are_told_apart(losing_all):
+    """In each direction all that was lost is counted once, as what it was."""
+    losing = losing_all
+    for robot in losing.scenario.ids:
+        answered = losing.world.traffic.stays[robot][-1].last_tick + 1
+        observations = losing.sent["world", robot, "observation"][:answered]
+        assert link(losing, "world", robot, "observation").lost == sum(observations)
+        commands = losing.sent[robot, "world", "command"]
+        while commands[-1]:  # nobody knows of those that were lost last
+            commands = commands[:-1]
+        found = link(losing, robot, "world", "command")
+        assert abs(found.sent - len(commands)) <= 1
+        assert abs(found.lost - sum(commands)) <= 1
+        assert found.lost > 5
+        packets = losing.sent[robot, "world", "pose"]
+        assert abs(link(losing, robot, "world", "pose").lost - sum(packets)) <= 5
+
+
+def test_what_the_modelled_radio_does_is_no_loss_of_the_network():
+    scenario = by_clock("radio=direct", 'channel.loss={model="bernoulli",rate=0.4}')
+    played = Simulated(scenario, delays_us)
+    played.run()
+    found = links_of(played.world.traffic)
+    assert sum(one.lost for one in found) == 0
+    told = injected(played.world.traffic)
+    assert len(told) == 12
+    assert all(one["lost"]["loss"] > 20 for one in told)
+    assert sum(one["sent"] for one in told) == played.world.result().packets_sent
+    lost = sum(one["lost"]["loss"] for one in told)
+    assert lost == played.world.result().packets_lost["loss"]
+
+
+def test_injected_delay_is_in_seconds():
+    traffic = Traffic(("r1", "r2"), 0.02)
+    traffic.radioed(Radio(10, ((0, 12), (-1, 0)), ((0, 15), (0, 0))))
+    traffic.radioed(Radio(11, ((0, 17), (-8, 0))))
+    one, other = injected(traffic)
+    assert one == {
+        "sender": "r1",
+        "receiver": "r2",
+        "sent": 2,
+        "copied": 1,
+        "lost": {},
+        "delay_s_mean": pytest.approx(0.08),
+        "delay_s_max": pytest.approx(0.12),
+    }
+    assert (other["sender"], other["receiver"], other["sent"]) == ("r2", "r1", 2)
+    assert other["lost"] == {"loss": 1, "outage": 1}
+    assert other["delay_s_mean"] is other["delay_s_max"] is None
+
+
+def test_delays_are_refused_when_the_clocks_are_not_known_to_half_a_tick():
+    def slow(*sent) -> int:
+        return 13_000 + delays_us(*sent)
+
+    played = Simulated(by_clock("radio=direct", "team.hold_ticks_max=20"), slow)
+    played.run()
+    for one in links_of(played.world.traffic):
+        assert one.delay_s_median is one.delay_s_p99 is None
+        assert one.delay_s_error > 0.01
+        assert "more than half a tick (10.00 ms)" in one.delay_refused
+        assert one.sent > 20
+        assert one.lost == 0
+    assert delay_refusal(10_000.0, 0.02) is None
+    assert delay_refusal(None, 0.02) == "no exchange of times"
+
+
+def test_delays_are_refused_when_a_clock_was_set_anew_in_mid_run():
+    class Jumping(Simulated):
+        def clock_us(self, robot, true_us):
+            jump_us = 100_000 if robot == "r2" and true_us > 1_000_000 else 0
+            return super().clock_us(robot, true_us) + jump_us
+
+    played = Jumping(by_clock("radio=direct"), delays_us)
+    played.run()
+    found = {
+        (one.sender, one.receiver): one.delay_refused for one in links_of(played.world.traffic)
+    }
+    assert "clock of r2 was set anew" in found["r1", "r2"]
+    assert "clock of r2 was set anew" in found["world", "r2"]
+    assert found["r1", "r3"] is None
+
+
+def test_a_frozen_robot_has_lost_nothing_when_it_goes_on():
+    played = Simulated(by_clock("radio=direct"), delays_us, frozen_us={"r2": (500_000, 900_000)})
+    world = played.run()
+    assert all(one.lost == 0 for one in links_of(world.traffic))
+    counts = world.summary()
+    assert counts["r2"]["held"] >= 5
+    assert counts["r2"]["stood_still"] >= 10
+    assert counts["r1"] == {"late": 0, "held": 0, "stood_still": 0, "superseded": 0}
+    assert world.traffic.stays["r2"][-1].passed_over >= 15
+
+
+def test_a_full_ledger_says_from_when_on(clean):
+    traffic = Traffic(("r1", "r2"), 0.02, rows_max=3)
+    source = clean.world.traffic
+    traffic.joined("r1", 0)
+    for number, (tick, sent_us, came_us) in source.stays["r1"][0].packets.items():
+        pose = _pose(number, tick, sent_us)
+        traffic.packet(pose, came_us)
+    assert len(traffic.stays["r1"][0].packets) == 3
+    assert report(traffic)["incomplete_from_tick"] == 3
+    assert report(source)["incomplete_from_tick"] is None
+
+
+def _pose(number, tick, sent_us):
+    from helpers_world import pose
+
+    return pose("r1", tick, sequence=number, sent_us=sent_us)
+
+
+def test_nothing_is_concluded_from_a_run_in_which_nothing_came():
+    traffic = Traffic(("r1", "r2"), 0.02)
+    traffic.joined("r1", 0)
+    traffic.joined("r2", 0)
+    traffic.asked("r1", 0, EPOCH_US)
+    for one in links_of(traffic):
+        assert (one.sent, one.lost) == (0, 0)
+        assert one.delay_refused == "no exchange of times"

@@ -1,0 +1,135 @@
+"""Who of the team is there, and what the world does about it. Sans I/O.
+
+A robot is there when its liveliness token is. One whose token goes, or that owes an answer for too
+long, is lost: the run goes on without it, or ends, as it was asked to. A lost robot is taken in
+again when its token comes back or when it says something that only it would say, such as the late
+answer of one that was frozen. Robots that the scenario itself takes away are no concern of this.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from protocol.codec import decode, decode_pose
+from protocol.errors import OutOfTurn, ProtocolError
+from protocol.keys import parse_key, robot_key
+from protocol.messages import Command
+from world.core import Outgoing, WorldCore
+from world.result import END, GO_ON
+
+
+class RunEnded(Exception):
+    """The run cannot go on; the message says why."""
+
+
+class Attendance:
+    """The roll of one run. ``begun``: whether its rounds are under way.
+
+    ``briefings``: for a run that is resumed, what each robot that is asked has to know before.
+    """
+
+    def __init__(
+        self,
+        core: WorldCore,
+        when_lost: str = GO_ON,
+        briefings: Mapping[str, Outgoing] | None = None,
+    ) -> None:
+        self.begun = False
+        self._core = core
+        self._when_lost = when_lost
+        self._briefings = briefings
+        self._present: set[str] = set()
+        self._lost: set[str] = set()
+
+    @property
+    def expected(self) -> tuple[str, ...]:
+        """The robots, in robot order, that the run waits for at its beginning."""
+        awaited = self._core.arena.ids if self._briefings is None else tuple(self._briefings)
+        return tuple(robot for robot in awaited if robot not in self._present)
+
+    @property
+    def may_begin(self) -> bool:
+        """Whether the run can begin without those that are expected: only one that had begun."""
+        return self._briefings is not None and bool(self._present & self._briefings.keys())
+
+    def came(self, robot: str) -> Outgoing:
+        """A token is there: what to tell its robot. ``OutOfTurn`` if it is not of the team."""
+        if self.begun or self._briefings is None:
+            outgoing = self._core.join(robot)
+            self._lost.discard(robot)
+        elif robot not in self._core.arena.ids:
+            raise OutOfTurn(f"robot {robot!r} is not in this team")
+        else:
+            own = robot_key(self._core.run, robot, "")
+            asked = [said for said in self._core.unanswered() if said[0].startswith(own)]
+            outgoing = [*self._briefings.get(robot, ()), *asked]
+        self._present.add(robot)
+        return outgoing
+
+    def went(self, robot: str) -> Outgoing:
+        """A token is gone: what to tell the others; raises ``RunEnded``."""
+        if robot not in self._present or self._core.ended is not None:
+            return []
+        self._present.remove(robot)
+        if self.begun:
+            return self._lose((robot,), "it is gone", f"robot {robot} is gone")
+        if self._when_lost == END:
+            raise RunEnded(f"robot {robot} is gone before the run has begun")
+        return self._core.leave(robot, "it is gone") if self._briefings is None else []
+
+    def silent(self, answer_s_max: float) -> Outgoing:
+        """No answer has come for so long: what to tell the others; raises ``RunEnded``."""
+        return self.owing(self._core.table.waiting(), answer_s_max)
+
+    def owing(self, names: Sequence[str], answer_s_max: float) -> Outgoing:
+        """As ``silent``, of these robots."""
+        lasted = f"for {answer_s_max:g} s"
+        said = f"no answer from {', '.join(names)} {lasted}"
+        return self._lose(names, f"no answer {lasted}", said)
+
+    def begin(self) -> Outgoing:
+        """The rounds begin, with whoever is there: what to send; raises ``RunEnded``."""
+        self.begun = True
+        core, outgoing = self._core, []
+        if self._briefings is None:
+            return core.begin()
+        for robot in core.lost:
+            if robot in self._present:
+                outgoing += core.join(robot)
+            else:
+                self._lost.add(robot)
+        absent = self.expected
+        why = "it did not come back"
+        return outgoing + self._lose(absent, why, f"{', '.join(absent)} did not come back")
+
+    def heard(self, key: str, payload: bytes) -> Outgoing:
+        """A message has come: if it is a lost robot's sign of life, what to tell that robot."""
+        if not self._lost:
+            return []
+        try:
+            _, robot, channel = parse_key(key)
+            # Of one whose token is gone, it is only what was still under way.
+            if robot not in self._lost & self._present or channel not in ("pose", "command"):
+                return []
+            run = self._core.run
+            said = decode_pose(payload, run) if channel == "pose" else decode(Command, payload, run)
+        except ProtocolError:
+            return []
+        return self._taken_in(robot) if said.robot == robot else []
+
+    def _taken_in(self, robot: str) -> Outgoing:
+        self._lost.discard(robot)
+        return self._core.join(robot)
+
+    def _lose(self, names: Sequence[str], why: str, said: str) -> Outgoing:
+        core = self._core
+        names = [robot for robot in names if robot not in self._lost]
+        if not names:
+            return []
+        if self._when_lost == END:
+            raise RunEnded(f"{said} at tick {core.state.tick}")
+        if {*core.lost, *names} == {*core.arena.ids}:
+            raise RunEnded(f"{said} at tick {core.state.tick}, and no robot is left")
+        outgoing = []
+        for robot in names:
+            self._lost.add(robot)
+            outgoing += core.leave(robot, why)
+        return outgoing

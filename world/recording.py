@@ -1,0 +1,94 @@
+"""Reading a run's recording back, whole or cut off anywhere.
+
+A world that was killed leaves a file without its end. What reached the disk as a whole chunk is
+there, and everything before it; the rest is not.
+"""
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Metadata
+from mcap.stream_reader import StreamReader
+
+from world.run_directory import RECORDING, RunDirectoryError
+from world.scenario import Scenario, load
+
+
+class RecordingError(RunDirectoryError):
+    """A recording that cannot be read; the message says which and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A recording in memory. ``messages``: (tick, topic, payload) in the order of the file.
+
+    ``complete``: whether the file was finished; a killed run's is not, but reads up to its last
+    chunk. ``versions``: of the programs that made it, by name. ``logged_us``: each message's log
+    time in us, which in real time is when the world sent it or got it (Unix time).
+    """
+
+    path: Path
+    scenario: Scenario
+    seed: int
+    run: str
+    messages: tuple[tuple[int, str, bytes], ...]
+    complete: bool
+    versions: Mapping[str, str] = field(default_factory=dict)
+    logged_us: tuple[int, ...] = ()
+
+    def of_channel(self, channel: str) -> Iterator[tuple[int, str, bytes]]:
+        """The messages of one channel: (tick, robot or ``world``, payload)."""
+        for tick, topic, payload in self.messages:
+            parts = topic.split("/")
+            if parts[-1] == channel:
+                yield tick, parts[-2], payload
+
+
+def recording_of(path: str | Path) -> Path:
+    """The recording file of a run directory, or the file itself."""
+    place = Path(path)
+    return place / RECORDING if place.is_dir() else place
+
+
+def read_metadata(metadata: Mapping[str, str]) -> tuple[Scenario, int, str]:
+    """Scenario, seed and run name from a recording's metadata."""
+    tree = json.loads(metadata["scenario"])
+    return load(tree), int(metadata["seed"]), metadata["run"]
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Read a run directory's recording, finished or not; ``RecordingError`` if it is none."""
+    file_path = recording_of(path)
+    channels: dict[int, str] = {}
+    metadata: dict[str, str] = {}
+    messages: list[tuple[int, str, bytes]] = []
+    logged_us: list[int] = []
+    complete = True
+    try:
+        with open(file_path, "rb") as file:
+            try:
+                for record in StreamReader(file).records:
+                    if isinstance(record, Message):
+                        messages.append((record.sequence, channels[record.channel_id], record.data))
+                        logged_us.append(record.log_time // 1000)
+                    elif isinstance(record, Channel):
+                        channels[record.id] = record.topic
+                    elif isinstance(record, Metadata) and record.name == "encircle":
+                        metadata = record.metadata
+            except (McapError, EOFError, ValueError, KeyError, struct.error):
+                complete = False
+    except OSError as error:
+        raise RecordingError(f"{file_path} cannot be read: {error.strerror}") from None
+    try:
+        scenario, seed, run = read_metadata(metadata)
+        versions = json.loads(metadata.get("versions", "{}"))
+    except (KeyError, ValueError):  # a scenario that does not load is a ValueError too
+        raise RecordingError(
+            f"{file_path} is not a recording of this program, or its head is damaged"
+        ) from None
+    heard, times = tuple(messages), tuple(logged_us)
+    return Recording(file_path, scenario, seed, run, heard, complete, versions, times)

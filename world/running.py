@@ -1,0 +1,115 @@
+"""The world's life: link, recording and summary around one run that is served.
+
+Whatever goes wrong is one line on standard error. Nothing that exists is overwritten, and what was
+recorded of a run that broke off is kept beside what becomes of it.
+"""
+
+import asyncio
+import contextlib
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from protocol.access import Access
+from protocol.keys import robot_key, world_key
+from protocol.one_of_a_name import check_free
+from protocol.zenoh_link import LinkError, ZenohLink
+from world.core import WorldCore
+from world.engine import Arena
+from world.paced_core import PacedCore
+from world.recorder import Recorder, RecordingStopped
+from world.resuming import Resumed
+from world.run_directory import (
+    RunDirectoryError,
+    create,
+    set_aside,
+    start_recording,
+    write_summary,
+)
+from world.server import FAILED, Server, Terms, say, say_error
+from world.transport import report
+
+
+async def run_world(
+    arena: Arena,
+    run: str,
+    access: Access,
+    out: Path | None,
+    log: Callable[[str], None],
+    terms: Terms,
+    resumed: Resumed | None = None,
+) -> int:
+    """The world's life; returns the exit status. ``out``: directory for the recording, if any.
+
+    ``resumed``: a run to go on with, whose directory ``out`` is.
+    """
+    # Built first: a team that cannot be placed leaves nothing behind.
+    kind = PacedCore if arena.scenario.clock == "wall" else WorldCore
+    core = resumed.core if resumed else kind(arena, run, log)
+    check = partial(check_free, token=world_key(run, "alive"), who=f"world of run {run}")
+    try:
+        if out is not None and resumed is None:
+            create(out)
+        link = await asyncio.to_thread(ZenohLink, access, robot_key(run, "*", "*"), check)
+    except (RunDirectoryError, LinkError) as error:
+        say_error(f"world: {error}")
+        return 1
+    try:
+        server = Server(core, link, terms, resumed)
+        recorder = _recorder(out, arena, run, resumed)
+        if recorder is not None:
+            server.record_with(recorder)
+        core.shows = True
+        if terms.parent:
+            reader = asyncio.get_running_loop().add_reader
+            reader(sys.stdin.fileno(), server.stop, "its starter is gone")
+        say({"listening": str(access)})
+        ended = await server.serve()
+    except (RunDirectoryError, RecordingStopped) as error:
+        say_error(f"world: {error}")
+        return 1
+    finally:
+        await asyncio.to_thread(link.close)
+    return _conclude(server, ended, out, recorder)
+
+
+def _recorder(out: Path | None, arena: Arena, run: str, resumed: Resumed | None) -> Recorder | None:
+    if out is None:
+        return None
+    if resumed is None:
+        return start_recording(out, arena.scenario, run)
+    set_aside(out)
+    recorder = start_recording(out, arena.scenario, run)
+    for message in resumed.messages:
+        recorder.record(*message)
+    return recorder
+
+
+def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder | None) -> int:
+    """Finish the recording, write the summary, and tell what came of the run; the exit status."""
+    core = server.core
+    result = replace(core.result(), ended=ended)
+    extra: dict[str, Any] = {
+        "rounds_s": server.rounds_s,
+        "joined_s": server.joined_s,
+        "begun_unix_s": server.begun_unix_s,
+    }
+    transport = {}
+    if isinstance(core, PacedCore) and server.punctuality is not None:
+        extra["real_time"] = {**server.punctuality.as_dict(), "robots": core.summary()}
+        transport = {"transport": report(core.traffic)}
+    if recorder is not None and out is not None:
+        try:
+            with contextlib.closing(recorder):
+                write_summary(out, core.arena.scenario, result, core.run, extra | transport)
+        except RecordingStopped as error:
+            if not ended.startswith(FAILED):
+                result = replace(result, ended=f"{FAILED}{error}")
+    say({"result": asdict(result) | extra})
+    if result.ended.startswith(FAILED):
+        say_error(f"world: {result.ended.removeprefix(FAILED)}")
+        return 1
+    return 0
