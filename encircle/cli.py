@@ -89,7 +89,7 @@ def run_command(
 def scenarios_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """List the scenarios that come with the program."""
+    """List the shipped scenarios."""
     from world.scenario import load, shipped
 
     found = {name: load(name) for name in shipped()}
@@ -108,7 +108,10 @@ def replay_command(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Read a recording back; with --check, see whether fresh brains decide the same."""
+    """Read a recording back, and check it.
+
+    With --check, fresh brains get the recorded observations: do they decide the same?
+    """
     from encircle.replaying import read_recording, replay
 
     if not check:
@@ -162,7 +165,10 @@ def transport_command(
     run: Annotated[Path, typer.Argument(help="A run's directory or its recording.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Show what the network did to each link in a run by the clock, beside what was injected."""
+    """Show what the network did to each link.
+
+    Of a run by the clock, beside what was injected.
+    """
     from rich.console import Console
 
     from encircle.transport import show, traffic_of
@@ -182,7 +188,10 @@ def trace_command(
     out: Annotated[Path, typer.Option(help="The file to write: .csv or .parquet.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Write the network's loss and delay in a run by the clock as a trace for the channel."""
+    """Write what the network did as a trace.
+
+    Loss and delay of a run by the clock, for the channel to replay.
+    """
     from encircle.tracing import check_target, trace_of, write_trace
     from world.recording import read_recording
 
@@ -209,7 +218,10 @@ def reproduce_command(
     seeds: Annotated[int, typer.Option(min=2, help="Paired runs per point of Fig. 7.")] = 40,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Run the paper's five simulations, draw their figures, and say what was found."""
+    """Run the paper's five simulations.
+
+    Draws their figures, and says what was found.
+    """
     from encircle.reproduce import reproduce
 
     report = reproduce(out, seeds, tell=lambda line: print(line, file=sys.stderr, flush=True))
@@ -237,7 +249,10 @@ def study_command(
     changes: SetOption = [],  # noqa: B006
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Run a study, or go on with one, and write its table, figures and report."""
+    """Run a study, or go on with one.
+
+    Writes its table, figures and report.
+    """
     from encircle.hunts import LINKS
     from encircle.studies.plan import StudyError, load_plan, shipped_studies
 
@@ -279,7 +294,7 @@ def robot_command(context: typer.Context) -> None:
 
 @app.command("world", context_settings=PASSED_ON, add_help_option=False)
 def world_command(context: typer.Context) -> None:
-    """Run the world as this process and wait for its robots."""
+    """Run the world as this process."""
     from world.__main__ import main as world_main
 
     raise typer.Exit(world_main(context.args, "encircle world"))
@@ -305,7 +320,10 @@ def certificates_command(
     ] = [],  # noqa: B006
     days: Annotated[int, typer.Option(help="How long they are valid.")] = 30,
 ) -> None:
-    """Make a private authority, and certificates for router, world, viewer and robots."""
+    """Make certificates for a lab.
+
+    A private authority, and certificates for router, world, viewer and robots.
+    """
     try:
         from encircle.certificates import CertificateError, describe, make_certificates
     except ModuleNotFoundError as error:
@@ -323,7 +341,7 @@ def certificates_command(
 
 @app.command("alive", context_settings=PASSED_ON, add_help_option=False)
 def alive_command(context: typer.Context) -> None:
-    """Say whether a router, the world or a robot of a run is there."""
+    """Say whether a party of a run is there."""
     from protocol.alive import main as alive_main
 
     raise typer.Exit(alive_main(context.args, "encircle alive"))
@@ -331,7 +349,7 @@ def alive_command(context: typer.Context) -> None:
 
 @app.command("doctor", context_settings=PASSED_ON, add_help_option=False)
 def doctor_command(context: typer.Context) -> None:
-    """Examine this machine, and a run's network, and say what to do."""
+    """Examine this machine and a run's network."""
     from encircle.doctor import main as doctor_main
 
     raise typer.Exit(doctor_main(context.args, "encircle doctor"))
