@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m agent
     # Imported late: a mistyped command need not wait for scipy.
     with postponed("scipy.stats", "scipy.ndimage"):
         from agents.robot import JOIN_S_MAX, WORLD_S_MAX, run_robot
-    from protocol.zenoh_link import warning
+    from protocol.zenoh_config import warning
 
     join_s_max = found.join_timeout or JOIN_S_MAX
     try:

@@ -1,12 +1,13 @@
 """The robot's rounds in real time: a thread stamps what arrives, this one answers the newest of it.
 
 Two threads, because what came and when must be known also while the robot thinks. The queue between
-them is bounded, as is every wait; when no observation comes for ``silence_ticks_max`` ticks the
-robot commands a stop and says nothing more until one does.
+them is bounded, as is every wait; when no observation comes for ``silence_ticks_max`` ticks,
+whatever else does, the robot commands a stop and says nothing more until one comes.
 """
 
 import queue
 import threading
+import time
 from collections.abc import Callable
 
 from agents.core import RobotCore
@@ -19,14 +20,15 @@ from protocol.mailbox import Mailbox, now_us
 from protocol.messages import Observation
 
 
-def is_timed(core: RobotCore, key: str, payload: bytes) -> bool:
-    """Whether a message is the observation of a world that goes by the clock."""
+def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
+    """Whether an observation is from a world that goes by the clock; None if it is none at all."""
     if core.setup is None or not key.endswith("/observation"):
-        return False
+        return None
     try:
-        return decode(Observation, payload, core.run).sent_us is not None
+        observation = decode(Observation, payload, core.run)
     except ProtocolError:
-        return False
+        return None
+    return observation.sent_us is not None if observation.robot == core.robot else None
 
 
 def answer(
@@ -36,6 +38,7 @@ def answer(
 
     ``first``: the first observation; ``heard`` is called whenever something has come.
     """
+    link.never_wait()
     robot = RealTimeCore(core)
     mail = Mailbox()
     mail.put(*first)
@@ -45,13 +48,12 @@ def answer(
     be_deaf = None
     if core.setup is not None and core.setup.radio == "direct":
         be_deaf = link.overhear(robot_key(core.run, "*", "pose"), mail.put)
+    stop_s = time.monotonic() + robot.quiet_s
     try:
         while core.ended is None:
-            came = mail.take(robot.quiet_s)
-            if not came:
-                _send(link, robot.stop(now_us()))
-                continue
-            heard()
+            came = mail.take(stop_s - time.monotonic())
+            if came:
+                heard()
             for time_us, key, payload in came:
                 robot.take(time_us, key, payload)
                 if key.endswith("/end"):
@@ -61,6 +63,11 @@ def answer(
             action = robot.decide() if core.ended is None else None
             if action is not None:
                 _send(link, robot.said(action, now_us()))
+            elif time.monotonic() >= stop_s and core.ended is None:
+                _send(link, robot.stop(now_us()))
+            else:
+                continue
+            stop_s = time.monotonic() + robot.quiet_s
     finally:
         if be_deaf is not None:
             be_deaf()
@@ -71,8 +78,10 @@ def _read(link: Link, mail: Mailbox, goes_on: "queue.SimpleQueue[bool]") -> None
     try:
         while True:
             key, payload = link.receive()
-            mail.put(key, payload)
-            if key.endswith("/end") and not goes_on.get():
+            ends = key.endswith("/end")
+            # Of these there is one at a time, and who drops it would wait for ever.
+            mail.put(key, payload, keep=ends)
+            if ends and not goes_on.get():
                 return
     except LinkClosed:
         mail.close()

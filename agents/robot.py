@@ -59,16 +59,16 @@ class _Life:
             self.core = self._new()
 
     def _answer_rounds(self, link: Link) -> None:
-        core, asked = self.core, False
+        core, timed = self.core, None
         try:
             while core.ended is None:
                 key, payload = link.receive()
                 self._has_heard()
-                if not asked and key.endswith("/observation"):
-                    asked = True
-                    if real_time.is_timed(core, key, payload):
-                        real_time.answer(core, link, (key, payload), self._has_heard)
-                        return
+                if timed is None:
+                    timed = real_time.is_timed(core, key, payload)
+                if timed:
+                    real_time.answer(core, link, (key, payload), self._has_heard)
+                    return
                 for said in core.receive(key, payload):
                     link.send(*said)
         except LinkClosed:
@@ -112,6 +112,7 @@ class _Supervisor:
         life = self._life
         if alive and self._gone:
             self._gone = False
+            self._say(f"{self._world} is back")
             self.await_word()
         elif not alive and (life.idle or life.stays):
             self.stop(f"{self._world} is gone")
@@ -138,7 +139,10 @@ class _Supervisor:
         if life.core.role is None and life.other_version:
             self.stop(f"{self._world} speaks another version: {life.other_version}")
         elif life.heard == heard and not life.idle:
-            self.stop(f"{self._world} did not take this robot in within {self._join_s_max:g} s")
+            self.stop(
+                f"{self._world} did not take this robot in within {self._join_s_max:g} s:"
+                " is there one, and does it say why?"
+            )
 
 
 async def run_robot(
@@ -174,6 +178,8 @@ async def run_robot(
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, supervisor.stop, f"stopped by {number.name}")
     supervisor.await_word()
+    if not stays:
+        log(f"robot {robot}: waiting for {world}")
     link.watch(world_key(run, "alive"), world_changed)
     link.tell_about(robot_key(run, robot, "about"), robot)
     link.announce(own)
@@ -188,6 +194,8 @@ async def run_robot(
         return 0
     ended = life.core.ended
     if ended is not None:
+        if not stays:
+            log(f"robot {robot}: run {run} ended: {ended}")
         return 1 if ended.startswith("failed") else 0
     log(f"robot {robot}: {trouble.result() if trouble.done() else 'the link was closed'}")
     return 1

@@ -69,7 +69,8 @@ def make_certificates(
     """Make an authority and certificates for router, world, viewer and robots r1 to rN.
 
     ``directory`` gets ``authority.pem`` and for each party, say r1, ``r1.pem`` and ``r1.key``; the
-    authority's key goes into ``keep-apart`` within. Directories have mode 0700, keys 0600.
+    authority's key goes into ``keep-apart`` within. Directories have mode 0700, keys 0600. Git is
+    told to ignore all of it.
     ``hosts``: names and addresses under which router and world are reached, besides this machine's
     own. ``not_before`` and ``not_after`` (UTC, for tests) overrule ``days`` for the parties.
     Nothing that exists is overwritten. Raises ``CertificateError``.
@@ -89,6 +90,8 @@ def make_certificates(
     apart = directory / KEPT_APART
     _new_directory(directory)
     _new_directory(apart)
+    # Keys made inside a repository are not to be committed to it.
+    (directory / ".gitignore").write_text("*\n")
     _write_certificate(directory / f"{AUTHORITY}.pem", authority)
     _write_key(apart / f"{AUTHORITY}.key", authority)
     for name, signed in parties.items():

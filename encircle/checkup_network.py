@@ -13,7 +13,7 @@ from pathlib import Path
 
 from encircle.checkup import Finding
 from protocol.access import BY_HOST_AND_PORT, Access, AccessError, host_and_port
-from protocol.zenoh_link import warning
+from protocol.zenoh_config import warning
 
 DATAGRAMS = ("udp", "quic")
 PRIVILEGED_PORT_MAX = 1023

@@ -23,6 +23,8 @@ from protocol.keys import parse_key, robot_key, world_key
 from protocol.zenoh_link import alive_keys, ask, has_neighbours, open_session, overheard
 
 ASKED_TIMES = 8
+ASKED_S_MAX = 1.0
+"""A party that is slow to answer is not asked again and again: it has something else to do."""
 LISTENING_S = 0.5
 OFFSET_US_NOTED, OFFSET_US_WRONG = 10e3, 1e6
 SHOWN_MAX = 32
@@ -57,18 +59,20 @@ def parties(
         if not has_neighbours(session):
             return [Finding("session", "wrong", f"{where}: nobody is connected", "try once more")]
         found = [Finding("session", "ok", f"{where} lets a session in")]
-        keys = _tokens(session, run, s_max)
+        keys = _tokens(session, run, robot, s_max)
         there = _by_run(keys)
         found += _who(there, run, robot, where.identity is not None)
         found += _asked(session, there, s_max, deadline_s)
     return found
 
 
-def _tokens(session: Any, run: str | None, s_max: float) -> set[str]:
+def _tokens(session: Any, run: str | None, robot: str | None, s_max: float) -> set[str]:
     name = run or "*"
-    return alive_keys(session, world_key(name, "alive"), s_max) | alive_keys(
-        session, robot_key(name, "*", "alive"), s_max
-    )
+    keys = [world_key(name, "alive"), robot_key(name, "*", "alive")]
+    if robot is not None:
+        # A robot's certificate shows its own token to a question for that alone.
+        keys.append(robot_key(name, robot, "alive"))
+    return {found for key in keys for found in alive_keys(session, key, s_max)}
 
 
 def _by_run(keys: Iterable[str]) -> dict[str, list[str]]:
@@ -159,9 +163,12 @@ def _asked(
 
 
 def _ask(session: Any, key: str, s_max: float) -> _Asked | None:
-    """Ask a party some times over; None if it does not answer."""
+    """Ask a party some times over, for a bounded time; None if it does not answer."""
     best: _Asked | None = None
+    deadline_s = time.monotonic() + ASKED_S_MAX
     for _ in range(ASKED_TIMES):
+        if best is not None and time.monotonic() > deadline_s:
+            break
         answer = ask(session, key, s_max)
         if answer is None:
             break

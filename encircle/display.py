@@ -125,9 +125,11 @@ def _punctuality(hunt: Hunt) -> list[tuple[str, str]]:
         for robot, counts in found["robots"].items()
         if any(counts[name] for name in names)
     ]
+    superseded = sum(counts["superseded"] for counts in found["robots"].values())
     more = f"; {len(commands) - SHOWN_MAX} more" if len(commands) > SHOWN_MAX else ""
     return [
         ("world's deadlines", deadlines),
         ("jitter ms", f"median {jitter_ms[0]}, 99 % {jitter_ms[1]}, largest {jitter_ms[2]}"),
         ("commands not in time", "; ".join(commands[:SHOWN_MAX]) + more or "none"),
+        *([("packets superseded", f"{superseded}")] if superseded else []),
     ]

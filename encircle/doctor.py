@@ -22,7 +22,7 @@ from encircle.checkup_network import connecting_to, exposure, listening_on
 from encircle.checkup_run import parties
 from protocol.access import Access, AccessError, Identity, here
 from protocol.options import Options, access, identity, name_of, seconds
-from protocol.zenoh_link import endpoints
+from protocol.zenoh_config import endpoints
 
 CHECK_S_MAX = 3.0
 ASKING_S_MAX = 30.0

@@ -11,7 +11,7 @@ from encircle.display import Display
 from encircle.hunts import Hunt, check_link, default_directory, resume, run
 from encircle.launch import RunFailed
 from encircle.transport import SHOWN_MAX, show
-from world.recording import read_recording
+from world.resuming import read_last
 from world.run_directory import SUMMARY
 from world.scenario import Scenario, load
 
@@ -47,7 +47,7 @@ def hunt_and_draw(wish: Wish, as_json: bool) -> None:
         scenario = load(wish.scenario, wish.changes)
         directory = wish.out or default_directory(wish.scenario, scenario.seed)
     else:
-        scenario, directory = read_recording(wish.resume).scenario, wish.resume
+        scenario, directory = read_last(wish.resume).scenario, wish.resume
     check_link(scenario, wish.link)
     with Display(scenario, wish.link) as display:
         try:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from protocol.log import bounded_log
 from world.recorder import RecordingStopped
 from world.result import GO_ON, WHEN_LOST, Result
-from world.run_directory import create, new_directory, set_aside, start_recording, write_summary
+from world.run_directory import create, new_directory, start_recording, write_summary
 from world.scenario import Scenario, ScenarioError, load
 
 if TYPE_CHECKING:
@@ -168,9 +168,8 @@ def _in_memory(
     from world.engine import build
 
     arena = build(scenario, scenario.seed)
-    if resumed is not None and directory is not None:
-        set_aside(directory)
-    recorder = start_recording(directory, scenario, name) if directory else None
+    so_far = resumed.messages if resumed else None
+    recorder = start_recording(directory, scenario, name, so_far) if directory else None
     record = recorder.record if recorder else None
     said, told = time.perf_counter(), 0
 
@@ -186,9 +185,6 @@ def _in_memory(
     begun = time.perf_counter()
     try:
         with closing(recorder) if recorder else nullcontext():
-            if recorder is not None and resumed is not None:
-                for message in resumed.messages:
-                    recorder.record(*message)
             result = run_in_memory(arena, name, bounded_log(), record, progress, resumed=resumed)
         timing = {"rounds_s": time.perf_counter() - begun}
         tell({"result": asdict(result)})

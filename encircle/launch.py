@@ -130,19 +130,21 @@ class _Launch:
                 or self._has_ended("world")
                 or (not self.begun and any(map(self._has_ended, self.processes)))
             )
+            silence_s = time.monotonic() - self.heard_s if self.begun else 0.0
             done, waiting = await asyncio.wait(
                 waiting,
-                timeout=STOP_S_MAX if ending else SILENCE_S_MAX,
+                timeout=STOP_S_MAX if ending else max(0.0, SILENCE_S_MAX - silence_s),
                 return_when=asyncio.FIRST_COMPLETED,
             )
             if ending and not done:
                 break
             # The world speaks up when a robot does not answer; nobody does when the world hangs.
-            self.silent = self.begun and time.monotonic() - self.heard_s > SILENCE_S_MAX
+            self.silent = self.begun and time.monotonic() - self.heard_s >= SILENCE_S_MAX
             self._look_at_ends()
             if self.processes["world"].returncode not in (None, 0):
                 # Robots would wait for it to come back.
                 break
+        await self._stop_all()
         await asyncio.wait(readers, timeout=1.0)
         for reader in readers:
             reader.cancel()
@@ -188,6 +190,9 @@ class _Launch:
 
     async def _stop_all(self) -> None:
         """End every process that is still there: asked first, then made to."""
+        if self.silent and not self._has_ended("world"):
+            # It would not do anything else that it is asked either.
+            self.processes["world"].kill()
         for end in ("terminate", "kill"):
             living = [p for p in self.processes.values() if p.returncode is None]
             for process in living:
@@ -210,6 +215,9 @@ class _Launch:
         departures = tuple((t, robot, what) for t, robot, what in self.result.pop("departures"))
         result = Result(distances_m=distances_m, departures=departures, **self.result)
         if result.ended.startswith("failed"):
+            if not self.begun and self.failed and self.failed[0] != "world":
+                # The world can only say that it was stopped, or who did not come.
+                raise RunFailed(self._first_failure())
             reason = result.ended.removeprefix("failed: ")
             how = [
                 f" ({_how_ended(p.returncode)})"

@@ -1,5 +1,6 @@
 """What the network did in a recorded run by the clock: the ledger read back, shown as tables."""
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,8 @@ from world.traffic import Traffic
 
 ROWS_MAX = 20_000_000
 SHOWN_MAX = 24
+UNKNOWN_SHOWN_MIN = 3
+TEXTS = ("from", "to", "carries", "clock of", "")
 
 
 def traffic_of(recording: Recording) -> Traffic:
@@ -24,7 +27,7 @@ def traffic_of(recording: Recording) -> Traffic:
             f"{recording.path}: clock = {scenario.clock!r}: in lock-step no clock is involved,"
             " so there is nothing to measure; run with --set clock=wall"
         )
-    traffic = Traffic(scenario.ids, scenario.tick_s, ROWS_MAX)
+    traffic = Traffic(scenario.ids, scenario.tick_s, scenario.radio == "direct", ROWS_MAX)
     for (tick, topic, payload), at_us in zip(recording.messages, recording.logged_us, strict=True):
         robot, channel = topic.split("/")[-2:]
         if channel in ("setup", "observation", "pose", "command") and robot not in scenario.ids:
@@ -57,21 +60,32 @@ def show(report: dict[str, Any], console: Console, shown_max: int | None = None)
     links = report["links"]
     _table(
         console,
-        "actual: what the network did",
-        ("from", "to", "carries", "sent", "lost", "delay ms", "99 %", "+-", ""),
+        "actual: what the network did, with one-way delays",
+        ("from", "to", "carries", "sent", "lost", "median ms", "99 % ms", "+- ms"),
         [
             (
                 *(link["sender"], link["receiver"], link["carries"]),
                 *(f"{link['sent']}", f"{link['lost']}"),
                 *(_ms(link[f"delay_s_{name}"]) for name in ("median", "p99", "error")),
-                link["delay_refused"] or "",
             )
             for link in links
         ],
         shown_max,
     )
+    # Below: in a column of their own they would leave no room for the figures.
+    refused = Counter(link["delay_refused"] for link in links if link["delay_refused"])
+    for reason, number in refused.items():
+        console.print(f"no delay for {number} of {len(links)} links: {reason}", highlight=False)
+    for link in links:
+        # One or two are always under way when a run ends.
+        if link["unknown"] > UNKNOWN_SHOWN_MIN:
+            console.print(
+                f"whether {link['unknown']} more observations came to {link['receiver']} is not"
+                " known: it answered none after them",
+                highlight=False,
+            )
     injected = report["injected"]
-    if any(link["lost"] or link["copied"] for link in injected):
+    if any(link["lost"] or link["copied"] or _is_late(link, report) for link in injected):
         sent = [
             (
                 *(link["sender"], link["receiver"], f"{link['sent']}"),
@@ -80,8 +94,9 @@ def show(report: dict[str, Any], console: Console, shown_max: int | None = None)
             )
             for link in injected
         ]
-        over = ("from", "to", "sent", "lost", "delay ms", "longest")
-        _table(console, "injected: what the modelled radio did", over, sent, shown_max)
+        over = ("from", "to", "sent", "lost", "mean ms", "longest ms")
+        title = "injected: what the modelled radio did, with delays in whole ticks"
+        _table(console, title, over, sent, shown_max)
     clocks = [
         (
             clock["robot"],
@@ -90,10 +105,11 @@ def show(report: dict[str, Any], console: Console, shown_max: int | None = None)
         )
         for clock in report["clocks"]
     ]
-    heads = ("clock of", "ahead ms", "+-", "round trip ms", "")
+    heads = ("clock of", "ahead ms", "+- ms", "round trip ms", "")
     _table(console, "clocks, compared with the world's", heads, clocks, shown_max)
     if report["incomplete_from_tick"] is not None:
-        console.print(f"from tick {report['incomplete_from_tick']} on nothing was written down")
+        tick = report["incomplete_from_tick"]
+        console.print(f"actual and clocks: from tick {tick} on nothing was written down")
 
 
 def _table(
@@ -105,12 +121,17 @@ def _table(
 ) -> None:
     table = Table(title=title, title_justify="left")
     for head in heads:
-        table.add_column(head, justify="left" if head in ("from", "to", "carries", "") else "right")
+        table.add_column(head, justify="left" if head in TEXTS else "right")
     for row in rows[:shown_max]:
         table.add_row(*row)
     console.print(table)
     if shown_max is not None and len(rows) > shown_max:
         console.print(f"and {len(rows) - shown_max} more: encircle transport RUN")
+
+
+def _is_late(link: dict[str, Any], report: dict[str, Any]) -> bool:
+    """Whether the modelled radio has held anything back: without, all is there a tick later."""
+    return float(link["delay_s_max"] or 0.0) > 1.5 * float(report["tick_s"])
 
 
 def _ms(value_s: float | None) -> str:

@@ -1,9 +1,10 @@
 """Messages to bytes and back. One msgpack map per message, string keys, ``v`` and ``run`` first.
 
 Decoding trusts nothing: length, version, run, the exact set of fields, each once, each field's type
-and every number's finiteness are checked, and the error names the field, its value and who sent it.
-What is long is looked through before it is unpacked, which takes far more memory. Encoding
-is canonical (fixed field order, no optional fields left out), so equal messages have equal bytes.
+and every number's finiteness are checked (``protocol.fields``), and the error names the field, its
+value and who sent it. What is long is looked through before it is unpacked, which takes far more
+memory. Encoding is canonical (fixed field order, no optional fields left out), so equal messages
+have equal bytes.
 """
 
 import math
@@ -18,27 +19,13 @@ import msgpack
 
 from protocol import VERSION
 from protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
-from protocol.messages import (
-    HEARD_MAX,
-    RADIOS,
-    RELAYED_MAX,
-    Command,
-    End,
-    Observation,
-    Point,
-    Pose,
-    Radio,
-    Setup,
-    State,
-    Timing,
-)
+from protocol.fields import COUNT_MAX, NUMBER_MAX, TEXT_MAX, are_plain_reports, check_of
+from protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
 from protocol.packing import Twice, bytes_in_list, check_names, map_size
 
 Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
 
 M = TypeVar("M", Setup, Observation, Pose, Command, End, State, Radio)
-A = TypeVar("A")
-B = TypeVar("B")
 
 BYTES_MAX: dict[type[Any], int] = {
     Setup: 64 * 1024,
@@ -53,16 +40,9 @@ LEAN_BYTES_MAX = 64 * 1024
 """What an observation takes at most besides its packets, for the largest team."""
 PACKET_BYTES_MIN = 64
 """No pose is shorter: the names of its fields alone take more."""
-TEXT_MAX = 256
-LIST_MAX = 256
 HEADER_BYTES = 9  # map size, "v", version, "run", and the size of a name below 32 letters
 SHOWN_MAX = 80
-COUNT_MAX = 2**53 - 1
-NUMBER_MAX = 1e9
-"""Larger numbers are refused: squared and summed they must stay finite and keep their meaning."""
-_FLOAT, _STR, _BYTES, _NUMBERS = {float}, {str}, {bytes}, {float, int}
-_PLAIN, _HOLDERS = {str, bytes, bool, type(None)}, {dict, tuple}
-_SIGHTING = (str, float, float)
+_FLOAT = {float}
 OPENED_MAX = 4096
 _opened: dict[tuple[bytes, str], Pose] = {}
 _NONE = type(None)
@@ -157,7 +137,7 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
         and (sent_us is None or 0 <= sent_us <= COUNT_MAX)
         and len(robot) <= TEXT_MAX
         and len(mode) <= TEXT_MAX
-        and (not relayed or _are_plain_reports(relayed))
+        and (not relayed or are_plain_reports(relayed))
     ):
         return Pose(robot, tick, sequence, *rest)
     return None
@@ -260,237 +240,6 @@ def _shown(value: object) -> str:
     return text if len(text) <= SHOWN_MAX else text[:SHOWN_MAX] + "..."
 
 
-def _number(value: Any) -> float:
-    if type(value) in _NUMBERS and -NUMBER_MAX < value < NUMBER_MAX:
-        return float(value)
-    raise ValueError(f"a number between -{NUMBER_MAX:g} and {NUMBER_MAX:g}")
-
-
-def _duration(value: Any) -> float:
-    if (number := _number(value)) > 0.0:
-        return number
-    raise ValueError("a number above 0")
-
-
-def _count(value: Any) -> int:
-    if type(value) is int and 0 <= value <= COUNT_MAX:
-        return value
-    raise ValueError("a whole number of at least 0")
-
-
-def _integer(value: Any) -> int:
-    if type(value) is int and abs(value) <= COUNT_MAX:
-        return value
-    raise ValueError("a whole number")
-
-
-def _text(value: Any) -> str:
-    if type(value) is str and len(value) <= TEXT_MAX:
-        return value
-    raise ValueError(f"text of at most {TEXT_MAX} characters")
-
-
-def _truth(value: Any) -> bool:
-    if type(value) is bool:
-        return value
-    raise ValueError("true or false")
-
-
-def _point(value: Any) -> Point:
-    if type(value) is tuple and len(value) == 2:
-        x, y = value
-        if type(x) is float and type(y) is float and -NUMBER_MAX < x < NUMBER_MAX > y > -NUMBER_MAX:
-            return value  # what honest senders send, without another call
-        return _number(x), _number(y)
-    raise ValueError("a pair of numbers")
-
-
-def _scan(value: Any) -> tuple[float, ...]:
-    # An infinite or NaN entry makes the sum not finite: passes in C instead of a call for each.
-    if (
-        type(value) is tuple
-        and set(map(type, value)) <= _FLOAT
-        and math.isfinite(sum(value))
-        and max(map(abs, value), default=0.0) < NUMBER_MAX
-    ):
-        return value
-    return _numbers(value)
-
-
-def _texts(value: Any) -> tuple[str, ...]:
-    if type(value) is tuple and set(map(type, value)) <= _STR and len(value) <= LIST_MAX:
-        return value
-    raise ValueError(f"a list of at most {LIST_MAX} texts")
-
-
-def _packets(value: Any) -> tuple[bytes, ...]:
-    if type(value) is tuple and set(map(type, value)) <= _BYTES:
-        return value
-    raise ValueError("a list of bytes")
-
-
-def _seen(value: Any) -> tuple[tuple[str, float, float], ...]:
-    if type(value) is not tuple:
-        raise ValueError("a list")
-    for item in value:
-        if type(item) is not tuple or tuple(map(type, item)) != _SIGHTING or len(item[0]) > 32:
-            return tuple([_sighting(sighting) for sighting in value])
-        if not (-NUMBER_MAX < item[1] < NUMBER_MAX > item[2] > -NUMBER_MAX):
-            raise ValueError("made of a robot's id and two numbers each")
-    return value
-
-
-def _sighting(value: Any) -> tuple[str, float, float]:
-    if type(value) is not tuple or len(value) != 3:
-        raise ValueError("made of a robot's id and two numbers each")
-    return _text(value[0]), _number(value[1]), _number(value[2])
-
-
-def _relayed(value: Any) -> tuple[tuple[str, int, float, float], ...]:
-    if type(value) is not tuple or len(value) > RELAYED_MAX:
-        raise ValueError(f"a list of at most {RELAYED_MAX}")
-    if _are_plain_reports(value):
-        return value
-    return tuple([_report(report) for report in value])
-
-
-def _are_plain_reports(value: tuple[Any, ...]) -> bool:
-    """Whether these are what honest senders relay, with nothing to convert."""
-    if len(value) > RELAYED_MAX:
-        return False
-    for report in value:
-        if type(report) is not tuple or len(report) != 4:
-            return False
-        origin, tick, x, y = report
-        if not (
-            type(origin) is str
-            and type(tick) is int
-            and type(x) is type(y) is float
-            and -NUMBER_MAX < x < NUMBER_MAX > y > -NUMBER_MAX
-            and 0 <= tick <= COUNT_MAX
-            and len(origin) <= TEXT_MAX
-        ):
-            return False
-    return True
-
-
-def _report(value: Any) -> tuple[str, int, float, float]:
-    if type(value) is not tuple or len(value) != 4:
-        raise ValueError("made of a robot's id, a tick and two numbers each")
-    origin, tick, x, y = value
-    return _text(origin), _count(tick), _number(x), _number(y)
-
-
-def _parameters(value: Any) -> dict[str, Any]:
-    found = _map(value)
-    waiting: list[Any] = [found]
-    while waiting:  # no recursion: a stranger may nest them a thousand deep
-        holder = waiting.pop()
-        for part in _map(holder).values() if type(holder) is dict else holder:
-            if type(part) in _HOLDERS:
-                waiting.append(part)
-            elif type(part) in _NUMBERS:
-                _number(part)
-            elif type(part) not in _PLAIN:
-                raise ValueError("made of numbers, texts, truth values, lists and maps")
-    return found
-
-
-def _map(value: Any) -> dict[str, Any]:
-    if type(value) is dict and all(type(name) is str for name in value):
-        return value
-    raise ValueError("a map with string keys")
-
-
-def _counts(value: Any) -> dict[str, int]:
-    return {_text(name): _count(number) for name, number in _map(value).items()}
-
-
-def _radio(value: Any) -> str:
-    if value in RADIOS:
-        return str(value)
-    raise ValueError(f"one of {', '.join(RADIOS)}")
-
-
-def _timing(value: Any) -> Timing:
-    if type(value) is not tuple or len(value) != 3 or type(value[2]) is not tuple:
-        raise ValueError("two times in us and a list")
-    if len(value[2]) > HEARD_MAX:
-        raise ValueError(f"at most {HEARD_MAX} poses heard")
-    return _count(value[0]), _count(value[1]), tuple([_heard(item) for item in value[2]])
-
-
-def _heard(value: Any) -> tuple[str, int, int]:
-    if type(value) is not tuple or len(value) != 3:
-        raise ValueError("made of a robot's id, a sequence number and a time in us each")
-    return _text(value[0]), _count(value[1]), _count(value[2])
-
-
-def _optional(check: Callable[[Any], A]) -> Callable[[Any], A | None]:
-    return lambda value: None if value is None else check(value)
-
-
-def _many(check: Callable[[Any], A]) -> Callable[[Any], tuple[A, ...]]:
-    def checked(value: Any) -> tuple[A, ...]:
-        if type(value) is not tuple:
-            raise ValueError("a list")
-        return tuple([check(item) for item in value])
-
-    return checked
-
-
-def _pair(first: Callable[[Any], A], second: Callable[[Any], B]) -> Callable[[Any], tuple[A, B]]:
-    def checked(value: Any) -> tuple[A, B]:
-        if type(value) is not tuple or len(value) != 2:
-            raise ValueError("a list of two")
-        return first(value[0]), second(value[1])
-
-    return checked
-
-
-_numbers = _many(_number)
-
-_BY_NAME: dict[str, Callable[[Any], Any]] = {
-    "robot": _text,
-    "tick": _count,
-    "sequence": _count,
-    "tick_s": _duration,
-    "strategy": _text,
-    "parameters": _parameters,
-    "position": _point,
-    "velocity": _point,
-    "step": _point,
-    "heading_rad": _number,
-    "headings_rad": _numbers,
-    "target": _point,
-    "detection": _optional(_point),
-    "goal": _optional(_point),
-    "estimate": _optional(_point),
-    "scan": _scan,
-    "seen": _seen,
-    "inbox": _packets,
-    "lost": _texts,
-    "sent_us": _optional(_count),
-    "admitted": _optional(_many(_pair(_text, _count))),
-    "timing": _optional(_timing),
-    "radio": _radio,
-    "first_tick": _count,
-    "answer_tick": _count,
-    "mode": _text,
-    "xi": _optional(_number),
-    "point": _optional(_count),
-    "predictor": _optional(_text),
-    "team": _texts,
-    "relayed": _relayed,
-    "published": _truth,
-    "refused": _counts,
-    "reason": _text,
-    "robots": _many(_point),
-    "captured": _truth,
-    "contacts": _many(_pair(_text, _text)),
-    "fates": _many(_many(_integer)),
-    "copies": _many(_many(_integer)),
-}
 _NAMES: dict[type[Any], tuple[str, ...]] = {
     kind: ("v", "run", *(f.name for f in fields(kind))) for kind in BYTES_MAX
 }
@@ -498,11 +247,7 @@ _VALUES: dict[type[Any], Callable[[Any], tuple[Any, ...]]] = {
     kind: attrgetter(*names[2:]) for kind, names in _NAMES.items()
 }
 _CHECKS: dict[type[Any], tuple[Callable[[Any], Any], ...]] = {
-    kind: tuple(
-        _optional(_point) if (kind, name) == (Observation, "target") else _BY_NAME[name]
-        for name in names[2:]
-    )
-    for kind, names in _NAMES.items()
+    kind: tuple(check_of(kind, name) for name in names[2:]) for kind, names in _NAMES.items()
 }
 _MAPS = {
     Setup: _NAMES[Setup].index("parameters") - 2,

@@ -33,6 +33,11 @@ def identity_of(directory: Path, name: str) -> Identity:
             f"certificates = {directory}: {identity.certificate.name}: {error.verify_message};"
             " make new ones with encircle certificates"
         ) from None
+    except _Locked:
+        raise AccessError(
+            f"certificates = {directory}: {identity.key.name}: must have no passphrase, for nobody"
+            " is there to type it"
+        ) from None
     except (ssl.SSLError, OSError) as error:
         reason = getattr(error, "reason", None) or "not in PEM form"
         files = f"{AUTHORITY}{PEM}, {name}{PEM} and {name}{KEY}"
@@ -75,7 +80,7 @@ def common_name(identity: Identity) -> str:
         context.check_hostname = False
         context.verify_mode = demands
         context.load_verify_locations(identity.authority)
-        context.load_cert_chain(identity.certificate, identity.key)
+        context.load_cert_chain(identity.certificate, identity.key, _no_passphrase)
         incoming, outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
         serves = demands is ssl.CERT_REQUIRED
         ends.append((context.wrap_bio(incoming, outgoing, serves), incoming, outgoing))
@@ -93,6 +98,15 @@ def common_name(identity: Identity) -> str:
         to_server.write(from_client.read())
         to_client.write(from_server.read())
     raise ssl.SSLError("the handshake came to no end")
+
+
+class _Locked(Exception):
+    """A key that is encrypted."""
+
+
+def _no_passphrase() -> str:
+    # Else the library would ask for it, on the terminal, and wait.
+    raise _Locked
 
 
 def _has_certificate(key: Path) -> bool:

@@ -29,6 +29,9 @@ class Link(Protocol):
         ``expression``: a key in which ``*`` stands for any part. Calling what is returned ends it.
         """
 
+    def never_wait(self) -> None:
+        """From now on, rather drop a message than wait: but for ``setup`` and ``end``."""
+
     def close(self) -> None:
         """Close the link and wake whoever waits in ``receive``. May be called twice."""
 
@@ -90,6 +93,9 @@ class MemoryLink:
             self.overheard.pop(listener, None)
 
         return end
+
+    def never_wait(self) -> None:
+        """Nothing to do: there is always room."""
 
     def close(self) -> None:
         """Close, and wake the receiver."""

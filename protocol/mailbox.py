@@ -25,9 +25,12 @@ class Mailbox:
         self._mail: queue.SimpleQueue[tuple[int, str, bytes] | None] = queue.SimpleQueue()
         self.dropped = 0
 
-    def put(self, key: str, payload: bytes) -> None:
-        """Take a message in that comes now; it is dropped, and counted, if there is no room."""
-        if self._mail.qsize() >= MAIL_MAX:
+    def put(self, key: str, payload: bytes, keep: bool = False) -> None:
+        """Take a message in that comes now; it is dropped, and counted, if there is no room.
+
+        ``keep``: not even then. It is for the caller to bound the number of these.
+        """
+        if self._mail.qsize() >= MAIL_MAX and not keep:
             self.dropped += 1
         else:
             self._mail.put((now_us(), key, payload))

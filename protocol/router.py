@@ -16,10 +16,12 @@ from typing import Any
 from protocol.about import ROUTER_KEY, replier
 from protocol.access import CONNECT_S_MAX, AccessError, LinkError
 from protocol.keys import parse_key, robot_key, world_key
+from protocol.mailbox import now_us
 from protocol.options import Options, access, name_of
 from protocol.refusals import refusals_told
 from protocol.security import ROUTER
-from protocol.zenoh_link import answer, clock_us, open_session, subscribe_alive, warning
+from protocol.zenoh_config import warning
+from protocol.zenoh_link import answer, open_session, subscribe_alive
 
 END_S_MAX = 5.0
 STEP_S = 0.5
@@ -66,7 +68,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
             open_session(where) as session,
         ):
             print(f"router: {said or f'listening on {where}'}", file=sys.stderr, flush=True)
-            _kept = answer(session, ROUTER_KEY, replier("router", clock_us))
+            _kept = answer(session, ROUTER_KEY, replier("router", now_us))
             _route(session, found.for_run, changes)
     except AccessError as error:
         options.error(str(error))

@@ -1,16 +1,15 @@
-"""A link over Eclipse Zenoh: the only module that knows Zenoh.
+"""A link over Eclipse Zenoh. Beside it only ``protocol.zenoh_config`` knows Zenoh.
 
 Messages for this party come in through one bounded first-in-first-out channel, waited on by the
 thread that calls ``receive``; on this library a blocking wait costs two thirds of what waking an
 asyncio loop does (``docs/architecture.md`` has the figures). Publishers are declared once per key,
-express and blocking on congestion, so that nothing is dropped silently. Liveliness comes in through
-a callback on one of Zenoh's threads, which only hands it over.
+express and blocking on congestion, so that nothing is dropped silently; a run by the clock asks for
+the opposite, since there one party that is cut off would hold up all others. Liveliness comes in
+through a callback on one of Zenoh's threads, which only hands it over.
 """
 
 import contextlib
-import json
 import queue
-import re
 import threading
 import time
 from collections.abc import Callable
@@ -19,45 +18,34 @@ from typing import Any, NamedTuple
 import zenoh
 
 from protocol.about import replier
-from protocol.access import (
-    Access,
-    AccessError,
-    Identity,
-    LinkError,
-    reachable_from_elsewhere,
-)
+from protocol.access import Access, LinkError
 from protocol.errors import LinkClosed
-from protocol.security import settings
+from protocol.mailbox import now_us
+from protocol.zenoh_config import configuration, in_one_line
 
 __all__ = [
     "LinkError",
     "ZenohLink",
     "alive_keys",
     "ask",
-    "configuration",
-    "endpoints",
     "has_neighbours",
     "is_alive",
     "open_session",
     "overheard",
     "subscribe_alive",
-    "warning",
 ]
 
 INBOX_MAX = 4096
 INBOX_BYTES_MAX = 256 * 1024 * 1024
 """What may wait for this party, in messages and in bytes; when it is full, senders wait."""
-CONNECT_RETRY_MS = 20
-CONNECT_RETRY_MS_MAX = 200
-ERROR_CHARACTERS_MAX = 300
 ROUTER_S_MAX = 10.0
 """How long a router may be away, in s, before those that were reached through it count as gone."""
 SETTLE_S = 0.2
 """How long after a token a connection may be seen to go, if one router took both with it."""
 PATIENCE_STEP_S = 0.1
 OVERHEARD_MAX = 1024
-_BYTES_MAX = "transport/link/rx/max_message_size"
-_SOURCE_LINE = re.compile(r" at /\S+\.rs:\d+\.")
+ONCE = ("/setup", "/end")
+"""Messages that are not sent again, and so are never dropped."""
 
 
 class ZenohLink:
@@ -82,6 +70,7 @@ class ZenohLink:
             self._session.close()  # type: ignore[no-untyped-call]
             raise
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._waits = True
         self._tokens: list[zenoh.LivelinessToken] = []
         self._watchers: list[Any] = []
         self._closing = threading.Lock()
@@ -98,12 +87,17 @@ class ZenohLink:
         return self._session
 
     def send(self, key: str, payload: bytes) -> None:
-        """Publish; blocks while the transport is congested. ``LinkClosed`` after ``close``."""
+        """Publish; blocks while the transport is congested, or drops after ``never_wait``.
+
+        ``LinkClosed`` after ``close``.
+        """
         try:
             publisher = self._publishers.get(key)
             if publisher is None:
+                waits = self._waits or key.endswith(ONCE)
+                control = zenoh.CongestionControl
                 publisher = self._publishers[key] = self._session.declare_publisher(
-                    key, express=True, congestion_control=zenoh.CongestionControl.BLOCK
+                    key, express=True, congestion_control=control.BLOCK if waits else control.DROP
                 )
             publisher.put(payload)
         except zenoh.ZError as error:
@@ -134,6 +128,11 @@ class ZenohLink:
 
         return end
 
+    def never_wait(self) -> None:
+        """As in ``protocol.links.Link``."""
+        self._waits = False
+        self._publishers.clear()
+
     def announce(self, key: str) -> None:
         """Declare a liveliness token: it is gone when this process is, however it ends."""
         self._tokens.append(self._session.liveliness().declare_token(key))
@@ -150,7 +149,7 @@ class ZenohLink:
 
     def tell_about(self, key: str, party: str) -> None:
         """Answer whoever asks what this party is, which versions it has, what its clock shows."""
-        self._watchers.append(answer(self._session, key, replier(party, clock_us)))
+        self._watchers.append(answer(self._session, key, replier(party, now_us)))
 
     def close(self) -> None:
         """Close the session and wake whoever waits in ``receive``; may be called twice.
@@ -252,11 +251,6 @@ def alive_keys(session: zenoh.Session, expression: str, s_max: float) -> set[str
     return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
 
 
-def clock_us() -> int:
-    """What the clock of this machine shows: Unix time in us."""
-    return time.time_ns() // 1000
-
-
 def answer(session: zenoh.Session, key: str, reply: Callable[[], bytes]) -> Any:
     """Answer queries on a key, on Zenoh's own thread, as long as what is returned is kept."""
 
@@ -276,9 +270,9 @@ class Answer(NamedTuple):
 
 def ask(session: zenoh.Session, key: str, s_max: float) -> Answer | None:
     """Query a key once; None if nobody answers within ``s_max`` seconds."""
-    asked_us = clock_us()
+    asked_us = now_us()
     for reply in session.get(key, timeout=s_max):
-        heard_us = clock_us()
+        heard_us = now_us()
         if reply.ok is not None:
             return Answer(reply.ok.payload.to_bytes(), asked_us, heard_us)
     return None
@@ -301,13 +295,6 @@ def overheard(session: zenoh.Session, expression: str, s_max: float) -> dict[str
     return dict(found)
 
 
-def endpoints(access: Access) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Where it will listen and where it will connect, its configuration file included."""
-    config = configuration(access)
-    mode = json.loads(config.get_json("mode"))
-    return _listed(config, "listen/endpoints", mode), _listed(config, "connect/endpoints", mode)
-
-
 def has_neighbours(session: zenoh.Session) -> bool:
     """Whether the session is connected to a router or a peer."""
     return bool(session.info.routers_zid() or session.info.peers_zid())
@@ -320,122 +307,8 @@ def open_session(access: Access) -> zenoh.Session:
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-        reason = _in_one_line(error)
+        reason = in_one_line(error)
         connecting = "connect to" in reason
         doing = "connect to" if connecting else "listen on"
         where = ", ".join(access.connect if connecting else access.listen) or access
         raise LinkError(f"cannot {doing} {where}: {reason}") from None
-
-
-def configuration(access: Access) -> zenoh.Config:
-    """Zenoh's configuration for it; raises ``AccessError``.
-
-    Explicit endpoints only, unless a configuration file says otherwise: nothing is scouted for,
-    nothing listens that was not asked to. Certificates overrule such a file.
-    """
-    config = _from_file(access)
-    if access.mode is not None:
-        _insert(config, "mode", access.mode)
-    _insert_if_open(config, "mode", "peer" if access.listen else "client")
-    default = zenoh.Config().get_json("listen/endpoints")
-    # A file may tell its owner where to listen; who only looks whether that is there must not.
-    unsaid = config.get_json("listen/endpoints") == default
-    if access.listen or access.mode == "client" or unsaid:
-        _insert(config, "listen/endpoints", access.listen)
-    if access.connect:
-        _insert(config, "connect/endpoints", access.connect)
-    if access.identity is not None:
-        _insert_identity(config, access.identity, access.direct_radio)
-    bytes_max = json.loads(config.get_json(_BYTES_MAX))
-    _insert(config, _BYTES_MAX, min(bytes_max, access.message_bytes_max))
-    retry = {
-        "period_init_ms": CONNECT_RETRY_MS,
-        "period_max_ms": CONNECT_RETRY_MS_MAX,
-        "period_increase_factor": 2,
-    }
-    _insert_if_open(config, "connect/timeout_ms", int(access.connect_s_max * 1000))
-    _insert_if_open(config, "connect/exit_on_failure", True)
-    _insert_if_open(config, "connect/retry", retry)
-    _insert_if_open(config, "scouting/multicast/enabled", False)
-    _insert_if_open(config, "scouting/gossip/enabled", False)
-    if access.config is None:
-        _insert(config, "transport/shared_memory/enabled", False)
-    exposed = _exposed(config)
-    if exposed and not access.without_authentication:
-        raise AccessError(
-            f"listen = {exposed[0]}: other machines may reach it, and nothing tells who connects;"
-            " listen on 127.0.0.1, or give --certificates, or say --without-authentication"
-        )
-    return config
-
-
-def warning(access: Access) -> str | None:
-    """What is to be said of listening as asked, if anything; raises ``AccessError``."""
-    exposed = _exposed(configuration(access))
-    if not exposed:
-        return None
-    return (
-        f"listening on {', '.join(exposed)} without authentication: whoever can connect is let in"
-    )
-
-
-def _from_file(access: Access) -> zenoh.Config:
-    if access.config is None:
-        return zenoh.Config()
-    try:
-        # Opened here first: a reason in plain words.
-        access.config.open("rb").close()
-        return zenoh.Config.from_file(str(access.config))
-    except OSError as error:
-        raise AccessError(f"Zenoh configuration {access.config}: {error.strerror}") from None
-    except zenoh.ZError as error:
-        raise AccessError(f"Zenoh configuration {access.config}: {_in_one_line(error)}") from None
-
-
-def _insert_identity(config: zenoh.Config, identity: Identity, direct_radio: bool) -> None:
-    """Certificates, and the rules if it listens; to be done when all endpoints are known."""
-    mode = json.loads(config.get_json("mode"))
-    listening, connecting = (
-        _listed(config, f"{kind}/endpoints", mode) for kind in ("listen", "connect")
-    )
-    for name, value in settings(identity, listening, connecting, direct_radio).items():
-        # How patiently to connect is for a configuration file to say, if it does.
-        (_insert_if_open if name == "connect/retry" else _insert)(config, name, value)
-
-
-def _exposed(config: zenoh.Config) -> tuple[str, ...]:
-    """The listening endpoints that others may reach, and nothing says who they are."""
-    mode = json.loads(config.get_json("mode"))
-    listening = _listed(config, "listen/endpoints", mode)
-    if json.loads(config.get_json("transport/auth/usrpwd/dictionary_file")) is not None:
-        return ()
-    certified = json.loads(config.get_json("transport/link/tls/enable_mtls")) is True
-    return tuple(
-        endpoint
-        for endpoint in reachable_from_elsewhere(listening)
-        if not (certified and endpoint.startswith(("tls/", "quic/")))
-    )
-
-
-def _listed(config: zenoh.Config, name: str, mode: str) -> tuple[str, ...]:
-    """Endpoints of a configuration, which may name them apart for each mode."""
-    found = json.loads(config.get_json(name))
-    if isinstance(found, dict):
-        found = found.get(mode, [])
-    return tuple(map(str, found if isinstance(found, list) else [found]))
-
-
-def _insert(config: zenoh.Config, name: str, value: object) -> None:
-    config.insert_json5(name, json.dumps(value))
-
-
-def _insert_if_open(config: zenoh.Config, name: str, value: object) -> None:
-    """What a configuration file left open; there Zenoh's own default is null."""
-    if config.get_json(name) == "null":
-        _insert(config, name, value)
-
-
-def _in_one_line(error: BaseException) -> str:
-    """The error without the places in Zenoh's source where it passed."""
-    text = " ".join(_SOURCE_LINE.sub("", str(error)).split())
-    return text[:ERROR_CHARACTERS_MAX] or type(error).__name__

@@ -213,7 +213,7 @@ class Witness:
         """Whether what world and robots remember is bounded, by what it must be."""
         state, ids = world.state, self.arena.ids
         assert self.tick == state.tick
-        assert not world._unsettled
+        assert not world._account.unsettled
         assert len(world._answers) <= self.count
         assert len(world._asked) <= 2 * self.count
         flying = [f for due, flights in state.air.flights.items() for f in flights if due > 0]

@@ -12,8 +12,8 @@ from world.core import WorldCore
 ROBOTS = ("r1", "r2", "r3", "r4")
 
 
-def attended(when_lost="go-on", begun=True):
-    core = WorldCore(arena(), RUN)
+def attended(when_lost="go-on", begun=True, changes=()):
+    core = WorldCore(arena(*changes), RUN)
     roll = Attendance(core, when_lost)
     for robot in ROBOTS:
         roll.came(robot)
@@ -78,7 +78,7 @@ def test_a_robot_whose_token_goes_is_lost_and_counted_in_again_with_its_token():
 def test_those_that_do_not_answer_are_lost_and_a_late_answer_brings_them_back():
     core, roll = attended()
     answer(core, "r1", "r3")
-    roll.silent(3.0)
+    roll.silent(0, 3.0)
     assert core.departures == [(0, r, "lost: no answer for 3 s") for r in ("r2", "r4")]
     assert core.state.tick == 1
     for key, payload in said_by("r4", 0):
@@ -89,10 +89,29 @@ def test_those_that_do_not_answer_are_lost_and_a_late_answer_brings_them_back():
     assert core.lost == ("r2",)
 
 
+def test_an_answer_that_comes_in_the_last_moment_makes_nobody_else_late():
+    core, roll = attended()
+    answer(core, *ROBOTS)
+    assert core.state.tick == 1
+    assert roll.silent(0, 3.0) == []
+    assert core.departures == []
+
+
+def test_a_robot_that_goes_as_the_run_begins_is_lost_in_its_first_round_and_may_come_back():
+    core, roll = attended(begun=False)
+    roll.went("r2")
+    roll.begin()
+    assert core.departures == [(0, "r2", "lost: it is gone")]
+    assert core.table.waiting() == ("r1", "r3", "r4")
+    roll.came("r2")
+    answer(core, "r1", "r3", "r4")
+    assert core.departures[1:] == [(1, "r2", "back")]
+
+
 def test_only_its_own_whole_messages_are_a_robots_sign_of_life():
     core, roll = attended()
     answer(core, "r1", "r3", "r4")
-    roll.silent(3.0)
+    roll.silent(0, 3.0)
     [(key, sound), _] = said_by("r2", 0)
     [(_, of_another), _] = said_by("r3", 0)
     for where, payload in [
@@ -126,7 +145,7 @@ def test_without_any_robot_left_the_run_ends():
     with pytest.raises(
         RunEnded, match="no answer from r2, r4 for 3 s at tick 0, and no robot is l"
     ):
-        roll.silent(3.0)
+        roll.silent(0, 3.0)
     roll.went("r4")
     with pytest.raises(RunEnded, match="robot r2 is gone at tick 0, and no robot is left"):
         roll.went("r2")
@@ -145,12 +164,12 @@ def test_nobody_is_lost_of_whom_nothing_is_awaited():
     core.fail("for a test")
     assert roll.went("r2") == []
     core, roll = attended(begun=False)
-    assert roll.silent(3.0) == []
+    assert roll.silent(0, 3.0) == []
 
 
-def resumed(lost=()):
+def resumed(lost=(), changes=()):
     """A world that was fed two rounds of a recording in which some robots were lost."""
-    core = WorldCore(arena(), RUN)
+    core = WorldCore(arena(*changes), RUN)
     for robot in ROBOTS:
         core.join(robot)
     core.begin()
@@ -158,8 +177,8 @@ def resumed(lost=()):
         core.leave(robot, "it is gone")
     for _ in range(2):
         answer(core, *core.table.waiting())
-    briefings = {robot: [(robot_key(RUN, robot, "setup"), b"so far")] for robot in ROBOTS}
-    return core, Attendance(core, "go-on", {r: b for r, b in briefings.items() if r not in lost})
+    briefings = {r: [(robot_key(RUN, r, "setup"), b"so far")] for r in core.table.waiting()}
+    return core, Attendance(core, "go-on", briefings)
 
 
 def test_robots_of_a_run_that_is_resumed_are_told_what_was_and_asked():
@@ -193,3 +212,20 @@ def test_a_run_that_is_resumed_goes_on_without_those_that_do_not_come():
     ]
     answer(core, "r1", "r4")
     assert core.state.tick == 3
+
+
+def test_a_robot_that_the_scenario_had_taken_away_and_that_does_not_come_is_not_waited_for():
+    crash = 'events=[{kind="crash", robot="r3", tick=1, ticks=3}]'
+    core, roll = resumed(changes=[crash])
+    for robot in ("r1", "r2", "r4"):
+        roll.came(robot)
+    roll.begin()
+    for _ in range(4):
+        answer(core, "r1", "r2", "r4")
+    assert (core.state.tick, core.lost) == (6, ("r3",))
+    roll.came("r3")
+    answer(core, "r1", "r2", "r4")
+    assert core.table.waiting() == ROBOTS
+    # Gone once more, it is missed once more.
+    roll.went("r3")
+    assert core.departures[-1] == (7, "r3", "lost: it is gone")

@@ -10,17 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocol import VERSION
-from protocol.codec import (
-    BYTES_MAX,
-    COUNT_MAX,
-    NUMBER_MAX,
-    Message,
-    body_of,
-    decode,
-    decode_pose,
-    encode,
-)
+from protocol.codec import BYTES_MAX, Message, body_of, decode, decode_pose, encode
 from protocol.errors import WrongRun
+from protocol.fields import COUNT_MAX, NUMBER_MAX
 from protocol.messages import (
     RADIOS,
     RELAYED_MAX,

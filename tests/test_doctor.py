@@ -22,7 +22,8 @@ from protocol import VERSION
 from protocol.about import ROUTER_KEY, replier
 from protocol.access import Access
 from protocol.keys import robot_key, world_key
-from protocol.zenoh_link import ZenohLink, answer, clock_us, open_session
+from protocol.mailbox import now_us
+from protocol.zenoh_link import ZenohLink, answer, open_session
 
 MIB = 1024 * 1024
 QUICK = ("--check-timeout", "2")
@@ -269,7 +270,7 @@ def test_what_a_step_raises_comes_through():
 def router():
     endpoint = free_endpoint()
     with open_session(Access(listen=(endpoint,), mode="router")) as session:
-        kept = answer(session, ROUTER_KEY, replier("router", clock_us))
+        kept = answer(session, ROUTER_KEY, replier("router", now_us))
         yield endpoint
         del kept
 
@@ -284,7 +285,7 @@ def party(router):
         links.append(link)
         key = world_key(run, "about") if name == "world" else robot_key(run, name, "about")
         if answers:
-            link.kept = answer(link.session, key, reply or replier(name, clock_us))
+            link.kept = answer(link.session, key, reply or replier(name, now_us))
         alive = world_key(run, "alive") if name == "world" else robot_key(run, name, "alive")
         link.announce(alive)
         return link
@@ -347,7 +348,7 @@ def test_who_is_missing_is_named(examine, router, party):
 
 @pytest.mark.parametrize(("ahead_s", "level"), [(0.2, "note"), (-0.2, "note"), (7.0, "wrong")])
 def test_a_clock_that_is_off_is_found_to_be(examine, router, party, ahead_s, level):
-    party("world", reply=replier("world", lambda: clock_us() + int(ahead_s * 1e6)))
+    party("world", reply=replier("world", lambda: now_us() + int(ahead_s * 1e6)))
     for _ in range(20):
         found = examine("--connect", router, "--run", "t")
         offsets = [f for f in found.of("clock") if f.said.startswith("world's")]
@@ -424,7 +425,7 @@ def test_certificates_let_it_ask_who_they_are(examine, lab, tmp_path):
     gate = Access(listen=(endpoint,), mode="router", identity=lab.identity("router"))
     world = Access(connect=(endpoint,), identity=lab.identity("world"))
     with open_session(gate) as session:
-        kept = answer(session, ROUTER_KEY, replier("router", clock_us))
+        kept = answer(session, ROUTER_KEY, replier("router", now_us))
         link = ZenohLink(world, robot_key("t", "*", "*"))
         try:
             link.tell_about(world_key("t", "about"), "world")

@@ -148,6 +148,22 @@ def test_a_run_goes_on_without_a_host_and_counts_it_in_again(hosts, tmp_path):
     assert replay(tmp_path / "run").same
 
 
+def test_by_the_clock_a_host_that_is_cut_off_holds_nobody_up(hosts, tmp_path):
+    """Cut off long after all buffers on the way to it are full; the others never wait for it."""
+    by_clock = {"clock": "wall", "radio": "direct", "tick_s": 0.02, "ticks_max": 1_000_000}
+    scenario = tmp_path / "clocked.json"
+    scenario.write_text(json.dumps(LONG | by_clock))
+    _, world, _ = everything(hosts, str(scenario), "--answer-timeout", "4")
+    world.wait_for_tick(UNDER_WAY_TICK)
+    with hosts.cut_off("r2"):
+        world.wait_until(lambda world: "robot r2 is lost: no answer for 4 s" in world.said)
+    world.wait_until(lambda world: "robot r2 is back" in world.said)
+    assert world.terminate() == 1  # it would go on for ever
+    # If the router waited for room on the way to r2, nothing of the others would pass it, either.
+    assert {robot for _, robot, _ in world.result()["departures"]} == {"r2"}
+    assert world.result()["real_time"]["robots"]["r2"]["stood_still"] > 100
+
+
 def test_the_doctor_says_what_a_host_can_reach(hosts, long_hunt):
     """It is asked on a robot's host: nobody there yet, all there, and then the cable is out."""
     hub = hosts.endpoint("hub")

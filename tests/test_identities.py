@@ -4,6 +4,12 @@ import stat
 from datetime import timedelta
 
 import pytest
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    PrivateFormat,
+    load_pem_private_key,
+)
 from helpers_security import Lab
 
 from protocol.access import AccessError
@@ -32,6 +38,14 @@ def files(lab, tmp_path):
         return tmp_path
 
     return put
+
+
+def test_a_key_with_a_passphrase_is_refused_and_nobody_is_asked_for_it(lab, files):
+    directory = files()
+    key = load_pem_private_key((directory / "r1.key").read_bytes(), None)
+    locked = BestAvailableEncryption(b"secret")
+    (directory / "r1.key").write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, locked))
+    refused(directory, r"r1\.key: must have no passphrase")
 
 
 @pytest.mark.parametrize("name", ["router", "world", "viewer", "r1", "r4"])

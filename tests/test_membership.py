@@ -131,10 +131,10 @@ def test_before_the_run_begins_a_robot_may_go_and_come_and_the_run_waits_for_it(
     for robot in core.arena.ids:
         core.join(robot)
     assert core.leave("r2", "gone") == []
-    assert not core.everyone_joined
+    assert core.lost == ("r2",)
     [(_, payload)] = core.join("r2")
     assert decode(Setup, payload, RUN).first_tick == 0
-    assert core.everyone_joined
+    assert core.lost == ()
     assert len(core.begin()) == 4
     assert core.result().departures == ()
 
@@ -377,7 +377,7 @@ def test_a_run_without_losses_has_the_digest_that_it_would_have_if_none_could_be
             parts.append(part)
 
     core = WorldCore(arena("ticks_max=1"), RUN)
-    core._digest = Hashed()
+    core._account.digest = Hashed()
     begun(core)
     for sent in answers(core):
         core.receive(*sent)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from world.pacing import LATE_US_MAX, Held, Punctuality, next_slot, step_at
+from world.pacing import COARSE_US, Held, Punctuality, next_slot, step_at
 
 
 @pytest.mark.parametrize(
@@ -66,12 +66,14 @@ def test_quantiles_are_those_of_the_whole_list(share):
     assert punctuality.late_us_max == late_us.max()
 
 
-def test_lateness_beyond_measure_keeps_its_maximum_and_no_more_room():
+def test_great_lateness_is_told_to_the_millisecond_and_takes_no_more_room():
     punctuality = Punctuality()
-    for value_s in (1.0, 2.0, 3.0, -1.0):
-        punctuality.woke(value_s)
+    punctuality.woke(-1.0)
+    for us in range(1000):
+        punctuality.woke(3.0 + us / 1e6)
     found = punctuality.as_dict()
-    assert found["jitter_s_max"] == 3.0
-    assert found["jitter_s_p99"] == LATE_US_MAX / 1e6
-    assert len(punctuality._late_us) == 2
+    assert found["jitter_s_max"] == 3.000999
+    assert found["jitter_s_median"] == found["jitter_s_p99"] == 3.000999
+    assert punctuality.late_us_quantile(0.0005) == 0 < COARSE_US
+    assert len(punctuality._late_us) == 3
     assert Punctuality().as_dict()["jitter_s_median"] == 0.0

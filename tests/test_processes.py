@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import encircle
-from encircle.launch import free_endpoint
+from encircle.launch import RunFailed, free_endpoint
 from encircle.replaying import read_recording, replay
 from protocol.access import Access
 from protocol.codec import BYTES_MAX, encode
@@ -182,6 +182,15 @@ def test_a_process_that_dies_ends_the_run_with_a_line_that_names_it(running, vic
     check = replay(running.out)
     assert check.same
     assert check.ticks > 10
+
+
+def test_a_robot_that_dies_before_the_run_has_begun_is_named():
+    def kill(report: dict[str, Any]) -> None:
+        if "started" in report:
+            os.kill(report["started"]["r1"], signal.SIGKILL)
+
+    with pytest.raises(RunFailed, match="robot r1 was killed by SIGKILL"):
+        encircle.run("sim1", progress=kill)
 
 
 def test_ctrl_c_ends_the_run_in_order(running):

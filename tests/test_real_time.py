@@ -3,14 +3,27 @@
 import json
 import os
 import signal
+import subprocess
+import sys
+import threading
+import time
 from typing import Any
 
 import encircle
+from agents.core import RobotCore
+from agents.real_time import answer
+from agents.robot import _Life
+from encircle.launch import free_endpoint
 from encircle.replaying import read_recording, replay
 from encircle.transport import traffic_of
-from protocol.codec import decode
-from protocol.messages import Command
-from protocol.real_time import PASSED_OVER
+from protocol import mailbox
+from protocol.codec import decode, encode
+from protocol.keys import robot_key
+from protocol.links import MemoryHub
+from protocol.messages import Command, End, Observation, Setup
+from protocol.real_time import PASSED_OVER, STOPPED
+
+RUN = "clocked"
 
 AT_50_HZ = ("clock=wall", "tick_s=0.02")
 LONG = (*AT_50_HZ, "radio=direct", "ticks_max=1500")
@@ -33,7 +46,7 @@ def test_robots_that_hear_each_other_catch_the_target_and_the_replay_is_the_same
     transport = summary(tmp_path / "run")["transport"]
     pairs = [x for x in transport["links"] if "world" not in (x["sender"], x["receiver"])]
     assert len(pairs) == 12
-    # Loopback and a blocking sender lose nothing.
+    # Loopback loses nothing, and there is room for what waits.
     assert all(x["lost"] == 0 for x in transport["links"])
     assert sum(x["sent"] for x in pairs) > 100
     # All are on one machine, so their clocks are one.
@@ -88,3 +101,102 @@ def test_a_frozen_robot_is_held_then_stands_still_and_goes_on(tmp_path):
     assert commands[-1].refused[PASSED_OVER] >= 10
     assert commands[-1].tick > woken[0]
     assert traffic_of(recording).stays["r2"][-1].missed == 0
+
+
+def test_a_tick_may_be_longer_than_the_world_would_wait_for_an_answer(tmp_path):
+    scenario = tmp_path / "slow.json"
+    slow = {"ticks_max": 2, "team": {"robots": 2}, "clock": "wall", "tick_s": 1.2}
+    scenario.write_text(json.dumps(slow))
+    endpoint = free_endpoint()
+    where = ("--run", "slow")
+    world = [sys.executable, "-m", "world", str(scenario), "--listen", endpoint, *where]
+    parties = [
+        subprocess.Popen([*world, "--answer-timeout", "0.3"], stdout=subprocess.PIPE, text=True),
+        *(
+            subprocess.Popen([sys.executable, "-m", "agents", r, "--connect", endpoint, *where])
+            for r in ("r1", "r2")
+        ),
+    ]
+    try:
+        said = [json.loads(line) for line in parties[0].communicate(timeout=60)[0].splitlines()]
+        assert [party.wait(timeout=10) for party in parties] == [0, 0, 0]
+    finally:
+        for party in parties:
+            party.kill()
+            party.wait()
+    assert said[-1]["result"]["departures"] == []
+    assert said[-1]["result"]["ended"] == "ticks"
+    assert {"waiting": []} in said
+    counts = said[-1]["result"]["real_time"]["robots"]
+    assert all(sum(each.values()) == 0 for each in counts.values())
+
+
+class Robot:
+    """The robot's rounds by the clock on a link in memory, in a thread of their own."""
+
+    def __init__(self) -> None:
+        hub = MemoryHub()
+        self.world = hub.link([robot_key(RUN, "r1", "")])
+        self.link = hub.link([robot_key(RUN, "r1", "")])
+        self.core = RobotCore("r1", RUN)
+        setup = Setup("r1", ("r1", "r2"), 0.001, "xi-star", {}, "direct")
+        self.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN))
+        seen = Observation("r1", 0, (4.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
+        first = robot_key(RUN, "r1", "observation"), encode(seen, RUN)
+        arguments = (self.core, self.link, first, lambda: None)
+        self.thread = threading.Thread(target=answer, args=arguments, daemon=True)
+        self.thread.start()
+
+    def end(self) -> None:
+        end = encode(End("r1", 9, "captured"), RUN)
+        self.world.send(robot_key(RUN, "r1", "end"), end)
+
+
+def test_a_robot_that_hears_its_peers_but_not_the_world_stands_still():
+    robot, modes = Robot(), []
+    gives_up_s = time.monotonic() + 20.0
+    while STOPPED not in modes and time.monotonic() < gives_up_s:
+        # Far more often than the silence after which it is to stop, 10 ms.
+        robot.world.send(robot_key(RUN, "r2", "pose"), b"whatever")
+        while not robot.world.inbox.empty():
+            key, payload = robot.world.receive()
+            if key.endswith("/command"):
+                modes.append(decode(Command, payload, RUN).mode)
+        time.sleep(0.001)
+    robot.end()
+    robot.thread.join(20.0)
+    assert modes.count(STOPPED) == 1
+    assert modes[-1] == STOPPED
+    assert not robot.thread.is_alive()
+
+
+def test_the_end_is_heard_even_where_there_is_no_room(monkeypatch):
+    monkeypatch.setattr(mailbox, "MAIL_MAX", 0)
+    robot = Robot()
+    robot.end()
+    robot.thread.join(20.0)
+    assert robot.core.ended == "captured"
+    assert not robot.thread.is_alive()
+
+
+def test_garbage_before_the_first_observation_does_not_hide_that_the_world_goes_by_the_clock():
+    hub = MemoryHub()
+    world, link = (hub.link([robot_key(RUN, "r1", "")]) for _ in range(2))
+    life = _Life("r1", RUN, lambda _line: None, stays=False)
+    thread = threading.Thread(target=life.answer, args=(link,), daemon=True)
+    thread.start()
+    seen = Observation("r1", 0, (4.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
+    told = {
+        "setup": [encode(Setup("r1", ("r1", "r2"), 0.02, "xi-star"), RUN)],
+        "observation": [b"garbage", encode(seen, RUN)],
+    }
+    for channel, payloads in told.items():
+        for payload in payloads:
+            world.send(robot_key(RUN, "r1", channel), payload)
+    said = dict(world.inbox.get(timeout=20.0) for _ in range(2))
+    world.send(robot_key(RUN, "r1", "end"), encode(End("r1", 9, "captured"), RUN))
+    thread.join(20.0)
+    command = decode(Command, said[robot_key(RUN, "r1", "command")], RUN)
+    assert command.timing is not None
+    assert command.refused == {"malformed": 1}
+    assert life.core.ended == "captured"

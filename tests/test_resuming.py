@@ -1,5 +1,6 @@
 """Runs that broke off are gone on with: the same digest and the same recording as the unbroken."""
 
+import contextlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers_world import RUN, answers, arena, begun, played, small
+from typer.testing import CliRunner
 
+from encircle.cli import app
 from encircle.hunts import resume, run
 from encircle.replaying import replay
 from protocol.codec import decode, encode
@@ -192,6 +195,18 @@ def test_of_several_attempts_the_one_that_reaches_furthest_is_gone_on_with(unbro
     assert names[:3] == ["recording-broken-1.mcap", "recording-broken-2.mcap", "recording.mcap"]
 
 
+@pytest.mark.parametrize("content", [None, b""])
+def test_an_attempt_that_broke_off_at_once_stands_in_nobodys_way(unbroken, tmp_path, content):
+    hunt, path = unbroken
+    into = broken(path, tmp_path / "run", 0.8)
+    set_aside(into)
+    if content is not None:
+        (into / "recording.mcap").write_bytes(content)
+    done = CliRunner().invoke(app, ["run", "--resume", str(into), "--link", "memory", "--json"])
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["digest"] == hunt.digest
+
+
 @pytest.mark.parametrize("content", [None, b"no recording"])
 def test_a_directory_without_a_recording_is_refused(tmp_path, content):
     if content is not None:
@@ -199,3 +214,36 @@ def test_a_directory_without_a_recording_is_refused(tmp_path, content):
     with pytest.raises(RecordingError, match=str(tmp_path)):
         resume(tmp_path, link="memory")
     assert len(list(tmp_path.iterdir())) == (content is not None)
+
+
+def test_what_is_no_directory_is_refused(tmp_path):
+    for name in ("absent", "file"):
+        (tmp_path / "file").touch()
+        with pytest.raises(RecordingError, match=f"{name} is not the directory of a run"):
+            resume(tmp_path / name, link="memory")
+
+
+def test_damage_in_the_middle_is_found_and_what_comes_before_it_gone_on_with(unbroken, tmp_path):
+    hunt, path = unbroken
+    into = broken(path, tmp_path / "run", 1.0)
+    commands = [body for _, _, body in read_recording(path).of_channel("command")]
+    damaged = bytearray((path / "recording.mcap").read_bytes())
+    damaged[damaged.index(commands[len(commands) // 2]) + 1] ^= 1
+    (into / "recording.mcap").write_bytes(damaged)
+    recording = read_recording(into)
+    assert not recording.complete
+    assert recording.messages[-1][0] < 0.6 * hunt.result.ticks
+    assert resume(into, link="memory").digest == hunt.digest
+
+
+def test_no_damage_is_more_than_a_recording_can_bear(unbroken, tmp_path):
+    """Lengths of any size among it."""
+    _, path = unbroken
+    whole = (path / "recording.mcap").read_bytes()
+    places = np.random.default_rng(11)
+    for _ in range(15):
+        at = int(places.integers(len(whole)))
+        blank = bytes([0xFF]) * 4096
+        (tmp_path / "recording.mcap").write_bytes(whole[:at] + blank + whole[at + 4096 :])
+        with contextlib.suppress(RecordingError):
+            read_recording(tmp_path)

@@ -85,6 +85,16 @@ def test_a_recording_that_exists_is_refused_and_left_as_it_is(tmp_path):
     assert (tmp_path / "recording.mcap").read_bytes() == b"precious"
 
 
+def test_nobody_else_records_where_a_run_is_being_recorded(tmp_path):
+    first = start_recording(tmp_path, small(), RUN)
+    with pytest.raises(RunDirectoryError, match=f"{tmp_path}: a run is being recorded there now"):
+        start_recording(tmp_path, small(), RUN, so_far=[])
+    assert [path.name for path in tmp_path.iterdir()] == ["recording.mcap"]
+    first.close()
+    start_recording(tmp_path, small(), RUN, so_far=[]).close()
+    assert len(attempts(tmp_path)) == 2
+
+
 def test_the_summary_holds_the_result_and_what_it_takes_to_repeat_the_run(tmp_path):
     scenario = small("seed=5", "channel.loss={model='bernoulli', rate=0.2}")
     result = played(build(scenario, 5)).result()

@@ -1,10 +1,12 @@
 """Traces of recorded runs: the channel that replays one loses and delays what the network did."""
 
 import csv
+import io
 
 import numpy as np
 import pytest
 from helpers_real_time import Simulated, by_clock
+from rich.console import Console
 from test_transport import DRIFTS, OFFSETS_US, delays_us, lossy
 from typer.testing import CliRunner
 
@@ -13,7 +15,7 @@ from encircle.hunts import run
 from encircle.replaying import read_recording
 from encircle.runlog import RunLog
 from encircle.tracing import NetworkTrace, Row, TraceFileError, trace_of, write_trace
-from encircle.transport import traffic_of
+from encircle.transport import show, traffic_of
 from world.recording import RecordingError
 from world.trace_files import read_trace, rows_of
 from world.transport import links_of
@@ -158,3 +160,33 @@ def test_the_tables_of_transport_are_shown(recorded):
     assert found.exit_code == 0
     assert "what the network did" in found.stdout
     assert "clocks" in found.stdout
+
+
+def shown(changes: dict, width: int = 80) -> str:
+    """The tables of a report with two links and a clock, on a terminal as wide as that."""
+    named = {"sender": "r1", "receiver": "world"}
+    delays = {"delay_s_median": None, "delay_s_p99": None, "delay_s_error": 0.5}
+    link = named | delays | {"carries": "pose", "sent": 7, "lost": 0, "unknown": 0}
+    fate = named | {"sent": 7, "copied": 0, "lost": {}, "delay_s_mean": 0.02, "delay_s_max": 0.02}
+    found = {
+        "tick_s": 0.02,
+        "links": [link | {"delay_refused": reason} for reason in ("because", "because", None)],
+        "injected": [fate | changes],
+        "clocks": [],
+        "incomplete_from_tick": None,
+    }
+    console = Console(width=width, file=io.StringIO())
+    show(found, console)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_why_there_is_no_delay_stands_once_below_the_table():
+    assert shown({}).count("because") == 1
+    assert "no delay for 2 of 3 links: because\n" in shown({})
+
+
+@pytest.mark.parametrize("did", [{"lost": {"loss": 1}}, {"copied": 1}, {"delay_s_max": 0.04}])
+def test_what_was_injected_is_shown_if_anything_was(did):
+    assert "injected" in shown(did)
+    assert "injected" not in shown({})

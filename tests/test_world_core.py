@@ -23,6 +23,7 @@ from protocol import VERSION
 from protocol.codec import BYTES_MAX, decode, encode
 from protocol.errors import OutOfTurn
 from protocol.keys import robot_key, world_key
+from protocol.lockstep import Phase
 from protocol.messages import Command, End, Observation, Pose, Setup
 from world.core import WorldCore
 
@@ -173,18 +174,18 @@ def test_an_unknown_robot_cannot_join(robot):
     core = WorldCore(arena(), RUN)
     with pytest.raises(OutOfTurn, match="not in this team"):
         core.join(robot)
-    assert not core.everyone_joined
+    assert core.table.in_phase(Phase.IDLE) == ()
 
 
-def test_a_robot_cannot_join_twice_and_the_run_waits_for_everyone():
+def test_a_robot_cannot_join_twice():
     core = WorldCore(arena(), RUN)
     for robot in ("r3", "r1", "r2"):
         core.join(robot)
     with pytest.raises(OutOfTurn, match="r3"):
         core.join("r3")
-    assert not core.everyone_joined
+    assert core.table.in_phase(Phase.ABSENT) == ("r4",)
     core.join("r4")
-    assert core.everyone_joined
+    assert core.table.in_phase(Phase.ABSENT) == ()
 
 
 def test_a_robot_that_joins_is_told_all_it_needs():

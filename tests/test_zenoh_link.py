@@ -15,7 +15,8 @@ from protocol.access import MESSAGE_BYTES_MAX, Access, AccessError, Identity
 from protocol.codec import BYTES_MAX
 from protocol.errors import LinkClosed
 from protocol.security import settings
-from protocol.zenoh_link import LinkError, ZenohLink, configuration, warning
+from protocol.zenoh_config import configuration, warning
+from protocol.zenoh_link import LinkError, ZenohLink
 
 WAIT_S_MAX = 15.0
 RETRY_S = 0.02
@@ -126,6 +127,23 @@ def test_overhearing_takes_what_others_send_on_such_keys_until_it_is_ended(pair)
     assert heard.get(timeout=WAIT_S_MAX) == ("t/peers/2/pose", b"theirs")
     end()
     end()
+
+
+def test_who_never_waits_drops_what_finds_no_room_but_for_what_is_sent_once(pair):
+    sender, receiver = pair[::-1]
+    sender.never_wait()
+    flood = [("t/observation", b"%d" % k + bytes(30_000)) for k in range(2000)]
+    for key, payload in flood:
+        sender.send(key, payload)
+    ended = in_thread(sender.send, "t/end", b"")
+    found = []
+    while not found or found[-1][0] != "t/end":
+        found += received(receiver)
+    ended.result(timeout=WAIT_S_MAX)
+    # Nobody took them in time, yet the sender went on; those that came are in order.
+    came = [int(payload.rstrip(bytes(1))) for _, payload in found[:-1]]
+    assert 0 < len(came) < len(flood)
+    assert came == sorted(came)
 
 
 def test_a_token_is_seen_to_come_and_go(pair):

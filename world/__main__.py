@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m world
     # Imported late: a mistyped command need not wait for scipy.
     from protocol.log import bounded_log
     from protocol.refusals import refusals_told
-    from protocol.zenoh_link import warning
+    from protocol.zenoh_config import warning
     from world.engine import build
     from world.resuming import read_last, rebuild
     from world.run_directory import RunDirectoryError, new_directory

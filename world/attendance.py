@@ -52,17 +52,14 @@ class Attendance:
 
     def came(self, robot: str) -> Outgoing:
         """A token is there: what to tell its robot. ``OutOfTurn`` if it is not of the team."""
-        if self.begun or self._briefings is None:
-            outgoing = self._core.join(robot)
-            self._lost.discard(robot)
-        elif robot not in self._core.arena.ids:
+        if robot not in self._core.arena.ids:
             raise OutOfTurn(f"robot {robot!r} is not in this team")
-        else:
-            own = robot_key(self._core.run, robot, "")
-            asked = [said for said in self._core.unanswered() if said[0].startswith(own)]
-            outgoing = [*self._briefings.get(robot, ()), *asked]
         self._present.add(robot)
-        return outgoing
+        if self.begun or self._briefings is None:
+            return self._taken_in(robot)
+        own = robot_key(self._core.run, robot, "")
+        asked = [said for said in self._core.unanswered() if said[0].startswith(own)]
+        return [*self._briefings.get(robot, ()), *asked]
 
     def went(self, robot: str) -> Outgoing:
         """A token is gone: what to tell the others; raises ``RunEnded``."""
@@ -75,8 +72,11 @@ class Attendance:
             raise RunEnded(f"robot {robot} is gone before the run has begun")
         return self._core.leave(robot, "it is gone") if self._briefings is None else []
 
-    def silent(self, answer_s_max: float) -> Outgoing:
-        """No answer has come for so long: what to tell the others; raises ``RunEnded``."""
+    def silent(self, tick: int, answer_s_max: float) -> Outgoing:
+        """No answer has come at a tick for so long: what to tell others; raises ``RunEnded``."""
+        if self._core.state.tick != tick:
+            # It has come at last, and the next round has begun: nobody owes that for long.
+            return []
         return self.owing(self._core.table.waiting(), answer_s_max)
 
     def owing(self, names: Sequence[str], answer_s_max: float) -> Outgoing:
@@ -88,16 +88,23 @@ class Attendance:
     def begin(self) -> Outgoing:
         """The rounds begin, with whoever is there: what to send; raises ``RunEnded``."""
         self.begun = True
-        core, outgoing = self._core, []
+        core, absent = self._core, self.expected
+        outgoing: Outgoing = []
         if self._briefings is None:
-            return core.begin()
+            # Whoever went in the last moment is lost in the first round, as in any other.
+            for robot in absent:
+                core.join(robot)
+            outgoing = core.begin()
+            said = f"robot {', '.join(absent)} is gone"
+            return outgoing + self._lose(absent, "it is gone", said)
+        why = "it did not come back"
         for robot in core.lost:
             if robot in self._present:
                 outgoing += core.join(robot)
-            else:
+            elif self._when_lost != END:
+                # Said of those too that the scenario has taken away: it is not to bring them back.
                 self._lost.add(robot)
-        absent = self.expected
-        why = "it did not come back"
+                core.leave(robot, why)
         return outgoing + self._lose(absent, why, f"{', '.join(absent)} did not come back")
 
     def heard(self, key: str, payload: bytes) -> Outgoing:

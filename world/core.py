@@ -11,7 +11,6 @@ setups of robots that are back; not the run's name, and not how or in which orde
 outgoing messages were sent.
 """
 
-import hashlib
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,16 +21,16 @@ from numpy.typing import NDArray
 from protocol.codec import Message, begins_canonically, body_of, decode, decode_pose, encode, packed
 from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key, world_key
-from protocol.lockstep import LockStep, Move, Phase
+from protocol.lockstep import LockStep, Move
 from protocol.messages import Command, End, Observation, Point, Pose, Radio, Setup
 from world import channel as radio
 from world import engine
+from world.account import Account, Outgoing, Record
 from world.membership import Membership
 from world.result import Result
 from world.scenario import digest_header
 
-Outgoing = list[tuple[str, bytes]]
-Record = Callable[[int, str, bytes], None]
+__all__ = ["Outgoing", "Record", "WorldCore"]
 
 
 class _Answer:
@@ -78,18 +77,12 @@ class WorldCore:
         self.shows = False
         self._state_key = world_key(run, "state")
         self._answers: dict[str, _Answer] = {}
-        self._unsettled: list[tuple[int, list[bytes], Outgoing]] = []
-        self._digest = hashlib.blake2b(digest_size=16)
+        self._account = Account(digest_header(arena.scenario, arena.seed))
         self._encoded: Outgoing = []
         self._asked: Outgoing = []
         self.fates: radio.Fates | None = None
-        self._packets_sent = 0
-        self._packets_copied = 0
-        self._lost: Counter[int] = Counter()
-        self._contacts = 0
         self.setups: Outgoing = []
         self.members = Membership(self.table, arena.scenario.events)
-        self._digest.update(digest_header(arena.scenario, arena.seed).encode())
 
     def join(self, robot: str) -> Outgoing:
         """A robot is there: its setup. ``OutOfTurn`` if it is not of the team or joined before.
@@ -139,11 +132,6 @@ class WorldCore:
         )
         return robot_key(self.run, robot, "setup"), encode(setup, self.run)
 
-    @property
-    def everyone_joined(self) -> bool:
-        """Whether the run can begin."""
-        return not self.table.in_phase(Phase.ABSENT, Phase.LEFT)
-
     def begin(self) -> Outgoing:
         """The first observations, once everyone has joined."""
         return self._next_round()
@@ -185,7 +173,7 @@ class WorldCore:
         self.setups = []
         if self.table.tick < 0:
             # Recorded here and in robot order, whatever the order in which the robots joined.
-            self._unsettled.append((0, [], [self._setup(robot) for robot in self.arena.ids]))
+            self._account.note(0, [], [self._setup(robot) for robot in self.arena.ids])
         else:
             self._advance()
         state = self.state
@@ -221,46 +209,13 @@ class WorldCore:
 
     def settle(self) -> Outgoing:
         """Digest and record what has happened since the last call; returns states for viewers."""
-        shown: Outgoing = []
-        for tick, digested, recorded in self._unsettled:
-            for part in digested:
-                self._digest.update(part)
-            for key, payload in recorded:
-                if self.record is not None:
-                    self.record(tick, key, payload)
-                if key == self._state_key:
-                    shown.append((key, payload))
-        self._unsettled.clear()
-        return shown
+        return self._account.settle(self.record, self._state_key)
 
     def result(self) -> Result:
         """What came of the run, so far if it has not ended."""
         self.settle()
-        state, count = self.state, len(self.arena.ids)
-        lost = {radio.CAUSES[code]: number for code, number in sorted(self._lost.items())}
-        flying = radio.in_flight(state.air)
-        # What is due at the last tick has arrived, though no robot is asked any more.
-        unread = radio.deliver(state.air, state.tick)[1]
-        arrived_unread = sum(int(flight.links.sum()) for flight in unread)
-        return Result(
-            state.captured,
-            state.tick if state.captured else None,
-            state.tick,
-            self.ended or "running",
-            tuple(state.geometry.distances[:count, count].tolist()),
-            self._packets_sent,
-            lost,
-            self._packets_copied,
-            self._packets_sent
-            + self._packets_copied
-            - sum(lost.values())
-            - flying
-            + arrived_unread,
-            flying - arrived_unread,
-            self._contacts,
-            dict(sorted(self.refused.items())),
-            self._digest.copy().hexdigest(),
-            tuple(self.departures),
+        return self._account.result(
+            self.state, len(self.arena.ids), self.ended, self.refused, self.departures
         )
 
     def _receive(self, key: str, payload: bytes) -> None:
@@ -320,7 +275,7 @@ class WorldCore:
             messages = [(self._state_key, shown), *messages]
         truth = state.positions[: len(self.arena.ids) + 1].tobytes() + bytes([state.captured])
         back = [body_of(payload, self.run) for _, payload in self.setups]
-        self._unsettled.append((state.tick, [truth, *back], messages))
+        self._account.note(state.tick, [truth, *back], messages)
 
     def _advance(self) -> None:
         tick, ids = self.state.tick, self.arena.ids
@@ -332,7 +287,7 @@ class WorldCore:
         self.state, fates = engine.advance(
             self.arena, self.state, steps, packets, len(self.run), lost
         )
-        self._count(fates)
+        self._account.count(fates, len(self.state.contacts))
         digested, messages = [fates.due.tobytes()], []
         if fates.copies is not None:
             digested.append(fates.copies.tobytes())
@@ -347,17 +302,9 @@ class WorldCore:
         if self.record is not None:
             said = encode(Radio(tick, _rows(fates.due), _rows(fates.copies)), self.run)
             messages.append((world_key(self.run, "radio"), said))
-        self._unsettled.append((tick, digested, messages))
+        self._account.note(tick, digested, messages)
         self._answers = {}
         self.fates = fates
-
-    def _count(self, fates: radio.Fates) -> None:
-        self._packets_sent += int(np.count_nonzero(fates.due))
-        if fates.due.min() < 0:
-            self._lost.update((-fates.due[fates.due < 0]).tolist())
-        if fates.copies is not None:
-            self._packets_copied += int(np.count_nonzero(fates.copies))
-        self._contacts += len(self.state.contacts)
 
     def _end_messages(self) -> Outgoing:
         reason = (self.ended or "")[:200]

@@ -29,6 +29,7 @@ def run_by_clock(
     ``act`` does something with the core and sends what comes of it. A robot of which nothing has
     come for ``answer_s_max`` is lost.
     """
+    link.never_wait()
     mail, punctuality = Mailbox(), Punctuality()
     threading.Thread(target=_read, args=(link, mail), name="mail", daemon=True).start()
     tick_s = core.arena.scenario.tick_s

@@ -54,9 +54,9 @@ class PacedCore(WorldCore):
     ) -> None:
         super().__init__(arena, run, log, record)
         scenario = arena.scenario
-        self.traffic = Traffic(arena.ids, scenario.tick_s)
-        self.counts: dict[str, Counter[str]] = {robot: Counter() for robot in arena.ids}
         self._direct = scenario.radio == "direct"
+        self.traffic = Traffic(arena.ids, scenario.tick_s, self._direct)
+        self.counts: dict[str, Counter[str]] = {robot: Counter() for robot in arena.ids}
         self._perfect = has_perfect_channel(arena)
         self._hold_ticks_max = scenario.team.hold_ticks_max
         self._held: dict[str, Held] = {}

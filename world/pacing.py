@@ -16,6 +16,7 @@ from typing import NamedTuple
 from protocol.messages import Point
 
 STILL: Point = (0.0, 0.0)
+COARSE_US = 100_000
 
 
 def next_slot(slot: int, elapsed_s: float, tick_s: float) -> int:
@@ -44,8 +45,8 @@ def step_at(held: Held | None, tick: int, hold_ticks_max: int) -> Point | None:
 class Punctuality:
     """How well a world has kept its deadlines: how late it woke, how often it was not done in time.
 
-    ``late_us`` counts ticks by how many us after its deadline each began, up to ``LATE_US_MAX``,
-    so that quantiles need no list of all ticks.
+    Ticks are counted by how many us after its deadline each began, from ``COARSE_US`` on rounded up
+    to whole ms, so that quantiles need no list of all ticks.
     """
 
     def __init__(self) -> None:
@@ -60,7 +61,7 @@ class Punctuality:
         late_us = max(0, round(late_s * 1e6))
         self.ticks += 1
         self.late_us_max = max(self.late_us_max, late_us)
-        counted = min(late_us, LATE_US_MAX)
+        counted = late_us if late_us < COARSE_US else -(-late_us // 1000) * 1000
         self._late_us[counted] = self._late_us.get(counted, 0) + 1
 
     def went_on(self, slots: int) -> None:
@@ -70,12 +71,12 @@ class Punctuality:
             self.skipped += slots - 1
 
     def late_us_quantile(self, share: float) -> int:
-        """The smallest lateness that at least this share of ticks did not exceed."""
+        """The smallest lateness that at least this share of ticks did not exceed, as counted."""
         below, wanted = 0, share * self.ticks
         for late_us, ticks in sorted(self._late_us.items()):
             below += ticks
             if below >= wanted:
-                return late_us
+                return min(late_us, self.late_us_max)
         return 0
 
     def as_dict(self) -> dict[str, float]:
@@ -88,6 +89,3 @@ class Punctuality:
             "jitter_s_p99": self.late_us_quantile(0.99) / 1e6,
             "jitter_s_max": self.late_us_max / 1e6,
         }
-
-
-LATE_US_MAX = 100_000

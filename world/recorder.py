@@ -10,6 +10,7 @@ the disk is full the recording stops at its last whole record.
 import json
 import os
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -26,11 +27,15 @@ class RecordingStopped(Exception):
 
 
 class Recorder:
-    """Writes one recording. The file must not exist yet; ``OSError`` if it cannot be made."""
+    """Writes one recording. The file must not exist yet; ``OSError`` if it cannot be made.
+
+    ``held``: what is to be let go of when it is closed.
+    """
 
     def __init__(self, path: Path, tick_s: float, metadata: Mapping[str, str]) -> None:
         self._file = _WholeRecords(path)
         self._stopped: RecordingStopped | None = None
+        self.held = ExitStack()
         # The writer only writes, and asks where it is.
         output = cast(IO[Any], self._file)
         self._writer = Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
@@ -66,6 +71,7 @@ class Recorder:
             self._writer.finish()  # type: ignore[no-untyped-call]
         finally:
             self._file.close()
+            self.held.close()
 
     def _register(self, key: str) -> int:
         topic = key.split("/", 2)[2]

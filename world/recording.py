@@ -1,7 +1,8 @@
 """Reading a run's recording back, whole or cut off anywhere.
 
 A world that was killed leaves a file without its end. What reached the disk as a whole chunk is
-there, and everything before it; the rest is not.
+there, and everything before it; the rest is not. Nor is what comes after damage, which the
+checksums of the chunks show.
 """
 
 import json
@@ -16,6 +17,12 @@ from mcap.stream_reader import StreamReader
 
 from world.run_directory import RECORDING, RunDirectoryError
 from world.scenario import Scenario, load
+
+UNREADABLE = (
+    *(McapError, EOFError, ValueError, KeyError, struct.error),
+    # A length that is not one.
+    *(OverflowError, MemoryError),
+)
 
 
 class RecordingError(RunDirectoryError):
@@ -71,7 +78,7 @@ def read_recording(path: str | Path) -> Recording:
     try:
         with open(file_path, "rb") as file:
             try:
-                for record in StreamReader(file).records:
+                for record in StreamReader(file, validate_crcs=True).records:
                     if isinstance(record, Message):
                         messages.append((record.sequence, channels[record.channel_id], record.data))
                         logged_us.append(record.log_time // 1000)
@@ -79,7 +86,7 @@ def read_recording(path: str | Path) -> Recording:
                         channels[record.id] = record.topic
                     elif isinstance(record, Metadata) and record.name == "encircle":
                         metadata = record.metadata
-            except (McapError, EOFError, ValueError, KeyError, struct.error):
+            except UNREADABLE:
                 complete = False
     except OSError as error:
         raise RecordingError(f"{file_path} cannot be read: {error.strerror}") from None

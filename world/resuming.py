@@ -65,10 +65,23 @@ def read_last(directory: Path) -> Recording:
 
     ``RecordingError`` if there is none that can be read.
     """
-    found = [read_recording(path) for path in attempts(directory)]
-    if not found:
-        raise RecordingError(f"{directory}: there is no recording to go on with")
-    return max(found, key=lambda recording: len(list(recording.of_channel("radio"))))
+    if not directory.is_dir():
+        raise RecordingError(f"{directory} is not the directory of a run")
+    furthest, rounds = None, -1
+    error = RecordingError(f"{directory}: there is no recording to go on with")
+    for path in attempts(directory):
+        try:
+            found = read_recording(path)
+        except RecordingError as unreadable:
+            # Of an attempt that broke off at once; another one may have come further.
+            error = unreadable
+            continue
+        reached = sum(1 for _ in found.of_channel("radio"))
+        if reached > rounds:
+            furthest, rounds = found, reached
+    if furthest is None:
+        raise error
+    return furthest
 
 
 def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: None) -> Resumed:

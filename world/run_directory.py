@@ -1,10 +1,12 @@
 """The directory of a run: its recording and its summary. Nothing that exists is overwritten."""
 
+import contextlib
 import errno
+import fcntl
 import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -84,8 +86,17 @@ def _broken(name: str, number: int) -> str:
     return f"{stem}-broken-{number}.{ending}"
 
 
-def start_recording(path: Path, scenario: Scenario, run: str) -> Recorder:
-    """Open the recording of a run in its directory; ``RunDirectoryError`` if it cannot be."""
+def start_recording(
+    path: Path,
+    scenario: Scenario,
+    run: str,
+    so_far: Iterable[tuple[int, str, bytes]] | None = None,
+) -> Recorder:
+    """Open the recording of a run in its directory; ``RunDirectoryError`` if it cannot be.
+
+    ``so_far``: of a run that is gone on with, what is recorded again, (tick, key, payload); what
+    there was is set aside. The directory is the recorder's alone until it is closed.
+    """
     metadata = {
         "run": run,
         "seed": str(scenario.seed),
@@ -93,12 +104,39 @@ def start_recording(path: Path, scenario: Scenario, run: str) -> Recorder:
         "digest_header": digest_header(scenario, scenario.seed),
         "versions": json.dumps(versions()),
     }
+    with contextlib.ExitStack() as claim:
+        claim.callback(os.close, _claimed(path))
+        if so_far is not None:
+            set_aside(path)
+        try:
+            recorder = Recorder(path / RECORDING, scenario.tick_s, metadata)
+            for message in so_far or ():
+                recorder.record(*message)
+        except OSError as error:
+            raise RunDirectoryError(f"{path / RECORDING}: {error.strerror}") from None
+        except RecordingStopped as error:
+            raise RunDirectoryError(str(error)) from None
+        recorder.held = claim.pop_all()
+    return recorder
+
+
+def _claimed(path: Path) -> int:
+    """The directory, opened and locked; the lock goes when it is closed or the process ends."""
     try:
-        return Recorder(path / RECORDING, scenario.tick_s, metadata)
+        claim = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
-        raise RunDirectoryError(f"{path / RECORDING}: {error.strerror}") from None
-    except RecordingStopped as error:
-        raise RunDirectoryError(str(error)) from None
+        raise RunDirectoryError(f"{path} cannot be used: {error.strerror}") from None
+    try:
+        fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(claim)
+        raise RunDirectoryError(
+            f"{path}: a run is being recorded there now; nothing was changed"
+        ) from None
+    except OSError:
+        # A file system without locks: then it is left to the user.
+        pass
+    return claim
 
 
 def write_summary(

@@ -25,7 +25,6 @@ from world.resuming import Resumed
 from world.run_directory import (
     RunDirectoryError,
     create,
-    set_aside,
     start_recording,
     write_summary,
 )
@@ -66,7 +65,10 @@ async def run_world(
         if terms.parent:
             reader = asyncio.get_running_loop().add_reader
             reader(sys.stdin.fileno(), server.stop, "its starter is gone")
-        say({"listening": str(access)})
+        say({"listening" if access.listen else "connected": str(access)})
+        if not terms.parent:
+            kept = f"recording into {out}" if out else "recording nothing: --runs DIR would"
+            say_error(f"world: run {run} at {access}, {kept}; waiting for {', '.join(arena.ids)}")
         ended = await server.serve()
     except (RunDirectoryError, RecordingStopped) as error:
         say_error(f"world: {error}")
@@ -79,13 +81,7 @@ async def run_world(
 def _recorder(out: Path | None, arena: Arena, run: str, resumed: Resumed | None) -> Recorder | None:
     if out is None:
         return None
-    if resumed is None:
-        return start_recording(out, arena.scenario, run)
-    set_aside(out)
-    recorder = start_recording(out, arena.scenario, run)
-    for message in resumed.messages:
-        recorder.record(*message)
-    return recorder
+    return start_recording(out, arena.scenario, run, resumed.messages if resumed else None)
 
 
 def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder | None) -> int:
@@ -112,4 +108,8 @@ def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder |
     if result.ended.startswith(FAILED):
         say_error(f"world: {result.ended.removeprefix(FAILED)}")
         return 1
+    if not server.terms.parent:
+        how = "captured" if result.captured else "not captured"
+        kept = f", recorded in {out}" if out else ""
+        say_error(f"world: {how} at tick {result.ticks}, digest {result.digest}{kept}")
     return 0

@@ -36,6 +36,8 @@ JOIN_S_MAX = 30.0
 ANSWER_S_MAX = 3.0
 ASK_AGAIN_S = 1.0
 WATCH_PERIOD_S = 0.1
+WATCHED_S_MAX = 0.5
+"""How much of the time between two looks counts as waiting, for this world may have been frozen."""
 FAILED = "failed: "
 
 
@@ -193,21 +195,27 @@ class Server:
 
     async def _watch_progress(self) -> None:
         """Report progress, and see to it that nobody is waited for too long."""
-        tick, since = -1, time.monotonic()
-        again = 0.0
+        tick, waited_s, again_s, looked_s = -1, 0.0, ASK_AGAIN_S, time.monotonic()
         while True:
-            state, now = self.core.state, time.monotonic()
+            state, now_s = self.core.state, time.monotonic()
+            waited_s += min(now_s - looked_s, WATCHED_S_MAX)
+            looked_s = now_s
             self._tell_departures()
             if state.tick != tick:
-                tick, since, again = state.tick, now, now + ASK_AGAIN_S
+                tick, waited_s, again_s = state.tick, 0.0, ASK_AGAIN_S
                 distances_m = state.geometry.distances[:-1, -1 - self._fixed].tolist()
                 say({"tick": tick, "distances_m": distances_m})
-            elif now - since > self._patience_s(tick):
-                since = now
-                self._act(partial(self._attendance.silent, self._patience_s(tick)))
-            elif now > again:
+            elif isinstance(self.core, PacedCore):
+                # The clock ends ticks, however long; silence would tell the starter of a hang.
+                if again_s < waited_s < self.core.arena.scenario.tick_s + ASK_AGAIN_S:
+                    again_s += ASK_AGAIN_S
+                    say({"waiting": []})
+            elif waited_s > self._patience_s(tick):
+                waited_s, again_s = 0.0, ASK_AGAIN_S
+                self._act(partial(self._attendance.silent, tick, self._patience_s(tick)))
+            elif waited_s > again_s:
                 # A router that was restarted has lost what was under way.
-                again += ASK_AGAIN_S
+                again_s += ASK_AGAIN_S
                 say({"waiting": self.core.table.waiting()})
                 if tick != self._taken_up_tick:
                     self._act(self.core.unanswered)

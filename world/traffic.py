@@ -25,8 +25,8 @@ class Stay:
     """One robot's time in the run, from a joining on.
 
     ``packets``: (tick, sent, came) by number; ``heard``: by sender, when each packet came that the
-    robot has heard itself; ``gaps``: ticks of the commands before and after some that were lost,
-    and what those told with them.
+    robot has heard itself, and the tick of the command that told of it; ``gaps``: ticks of the
+    commands before and after some that were lost, and what those told with them.
     """
 
     first_tick: int
@@ -36,7 +36,7 @@ class Stay:
     missed: int = 0
     exchanges: list[Exchange] = field(default_factory=list)
     packets: dict[int, tuple[int, int, int]] = field(default_factory=dict)
-    heard: dict[str, dict[int, int]] = field(default_factory=dict)
+    heard: dict[str, dict[int, tuple[int, int]]] = field(default_factory=dict)
     asked_us: dict[int, int] = field(default_factory=dict)
     gaps: list[tuple[int, int]] = field(default_factory=list)
 
@@ -52,11 +52,17 @@ class Injected:
 
 
 class Traffic:
-    """The ledger of one run. ``full_tick``: from which tick on nothing was written, if any."""
+    """The ledger of one run. ``full_tick``: from which tick on nothing was written, if any.
 
-    def __init__(self, robots: Sequence[str], tick_s: float, rows_max: int = ROWS_MAX) -> None:
+    ``direct``: whether robots hear each other themselves.
+    """
+
+    def __init__(
+        self, robots: Sequence[str], tick_s: float, direct: bool, rows_max: int = ROWS_MAX
+    ) -> None:
         self.robots = tuple(robots)
         self.tick_s = tick_s
+        self.direct = direct
         self.stays: dict[str, list[Stay]] = {robot: [] for robot in robots}
         self.injected: dict[tuple[str, str], Injected] = {}
         self.full_tick: int | None = None
@@ -92,7 +98,7 @@ class Traffic:
         for old in [tick for tick in stay.asked_us if tick < command.tick]:
             del stay.asked_us[old]
         for sender, number, time_us in heard:
-            stay.heard.setdefault(sender, {}).setdefault(number, time_us)
+            stay.heard.setdefault(sender, {}).setdefault(number, (time_us, command.tick))
         self._rows_left -= 1 + len(heard)
 
     def packet(self, pose: Pose, came_us: int) -> None:

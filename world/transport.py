@@ -7,7 +7,9 @@ Links. The world sends observations to a robot, which sends commands and packets
 robots hear each other, each directed pair is a link too, as its receiver tells of it. A pair's
 packets are counted from the first that the receiver has heard (a subscription takes a moment), and
 neither those that may still come (sent less than ``SETTLE_S`` before the receiver's last command,
-and not heard) nor those of which a lost command of the receiver may have told.
+and not heard) nor those of which a lost command of the receiver may have told: that is, by the
+shortest and longest time from a packet's tick to its being told of, whether or not another command
+tells of them. Counting those alone that are known to have arrived would make the loss too small.
 
 Delay. A one-way delay compares two clocks, so it is as good as what is known of their difference
 (``protocol.clocks``); every figure stands with that bound. It is refused where the bound is larger
@@ -16,8 +18,8 @@ taken. It is refused too where a clock was set anew in mid-run.
 """
 
 from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -48,8 +50,10 @@ class Way(NamedTuple):
 class Link:
     """What the network did to one sort of message from one party to another.
 
-    Delays in s; those of ``delay_refused``, the reason, are None. ``delay_s_error``: the bound on
-    the error of each, as the median over the messages.
+    ``unknown``: how many more were sent of which it is not known whether they came, as far as that
+    can be counted: observations after the last that a robot answered. Delays in s; with
+    ``delay_refused``, the reason, they are None. ``delay_s_error``: the bound on the error of each,
+    as the median over the messages.
     """
 
     sender: str
@@ -61,12 +65,14 @@ class Link:
     delay_s_p99: float | None
     delay_s_error: float | None
     delay_refused: str | None
+    unknown: int = 0
 
 
 def report(traffic: Traffic) -> dict[str, Any]:
     """All links, actual and injected, and the clocks, for summaries."""
     offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
     return {
+        "tick_s": traffic.tick_s,
         "links": [asdict(link) for link in links_of(traffic)],
         "injected": injected(traffic),
         "clocks": [clock(robot, offsets[robot]) for robot in traffic.robots],
@@ -83,7 +89,7 @@ def links_of(traffic: Traffic) -> list[Link]:
             found += _legs(traffic, robot, offsets[robot])
     for sender in traffic.robots:
         for receiver in traffic.robots:
-            if sender != receiver and is_direct(traffic):
+            if sender != receiver and traffic.direct:
                 ways = ways_of(traffic, sender, receiver, offsets)
                 broken = unsteady(sender, offsets) or unsteady(receiver, offsets)
                 lost = sum(way.lost for way in ways)
@@ -91,11 +97,6 @@ def links_of(traffic: Traffic) -> list[Link]:
                     _link((sender, receiver, "pose"), len(ways), lost, ways, traffic, broken)
                 )
     return found
-
-
-def is_direct(traffic: Traffic) -> bool:
-    """Whether any robot has heard another itself."""
-    return any(stay.heard for stays in traffic.stays.values() for stay in stays)
 
 
 def offsets_of(traffic: Traffic, robot: str) -> Offsets:
@@ -108,22 +109,22 @@ def ways_of(traffic: Traffic, sender: str, receiver: str, offsets: dict[str, Off
 
     Where robots do not hear each other, through the world: there and on with the next observation.
     """
-    if not is_direct(traffic):
+    if not traffic.direct:
         return _ways_through_world(traffic, sender, receiver, offsets)
     ways: list[Way] = []
     settle_ticks = round(SETTLE_S / traffic.tick_s)
     for there in traffic.stays[sender]:
         for here in traffic.stays[receiver]:
             for number in _sent_during(there, here, sender, settle_ticks, traffic):
-                heard_us = here.heard[sender].get(number) if sender in here.heard else None
+                heard = here.heard.get(sender, {}).get(number)
                 sent = there.packets.get(number)
-                if heard_us is None:
+                if heard is None:
                     ways.append(Way(number, True, None, 0.0))
                 elif sent is None:
                     ways.append(Way(number, False, None, 0.0))
                 else:
-                    at = offsets[sender].of_remote(sent[1]), offsets[receiver].of_remote(heard_us)
-                    ways.append(_way(number, heard_us - sent[1], at))
+                    at = offsets[sender].of_remote(sent[1]), offsets[receiver].of_remote(heard[0])
+                    ways.append(_way(number, heard[0] - sent[1], at))
     return ways
 
 
@@ -187,10 +188,11 @@ def clock(robot: str, offsets: Offsets) -> dict[str, Any]:
 def _legs(traffic: Traffic, robot: str, offsets: Offsets) -> list[Link]:
     """Observations to a robot, commands and packets from it."""
     down, up, packets = [], [], []
-    asked = missed = given = got = 0
+    asked = missed = given = got = unknown = 0
     for stay in traffic.stays[robot]:
         answered = max(0, stay.last_tick - stay.first_tick + 1)
         asked, missed = asked + answered, missed + stay.missed
+        unknown += len(stay.asked_us)
         given, got = given + answered - stay.missed - stay.passed_over, got + stay.commands
         for exchange in stay.exchanges:
             offset = offsets.at(exchange.came_us)
@@ -205,8 +207,9 @@ def _legs(traffic: Traffic, robot: str, offsets: Offsets) -> list[Link]:
             packets.append(_way(number, came_us - sent_us, (offset, HERE)))
     broken = unsteady(robot, {robot: offsets})
     lost = sum(way.lost for way in packets)
+    observations = _link((WORLD, robot, "observation"), asked, missed, down, traffic, broken)
     return [
-        _link((WORLD, robot, "observation"), asked, missed, down, traffic, broken),
+        replace(observations, unknown=unknown),
         _link((robot, WORLD, "command"), given, max(0, given - got), up, traffic, broken),
         _link((robot, WORLD, "pose"), len(packets), lost, packets, traffic, broken),
     ]
@@ -232,6 +235,8 @@ def _link(
     known = [way for way in ways if way.delay_us is not None]
     error_us = median([way.error_us for way in known]) if known else None
     refused = broken or delay_refusal(error_us, traffic.tick_s)
+    if ways and all(way.lost for way in ways):
+        refused = "nothing has arrived"
     error_s = None if error_us is None else error_us / 1e6
     if refused:
         return Link(*name, sent, lost, None, None, error_s, refused)
@@ -246,10 +251,7 @@ def delay_refusal(error_us: float | None, tick_s: float) -> str | None:
         return "no exchange of times"
     limit_us = ERROR_TICKS_MAX * tick_s * 1e6
     if error_us > limit_us:
-        return (
-            f"the clocks are known to {error_us / 1e3:.2f} ms only,"
-            f" more than half a tick ({limit_us / 1e3:.2f} ms)"
-        )
+        return f"the clocks are not known to within half a tick ({limit_us / 1e3:.2f} ms)"
     return None
 
 
@@ -270,23 +272,32 @@ def _sent_during(
     """Numbers of the packets from ``there`` that count for a receiver's stay."""
     later = [s.first_tick for s in traffic.stays[sender] if s.first_tick > there.first_tick]
     end = min(later, default=None)
-    heard = [
-        number
-        for number in here.heard.get(sender, {})
+    heard = {
+        number: told_tick
+        for number, (_, told_tick) in here.heard.get(sender, {}).items()
         if number >= there.first_tick and (end is None or number < end)
-    ]
-    known = set(heard)
+    }
     if here.last_tick < 0:
         return []
     found, first, last = [], min(heard, default=-1), max(heard, default=-1)
-    for number, earliest, latest in _ticks_of(there, heard, here.last_tick):
-        if known and number < first:
+    unknown = _untold(there, heard, here.gaps)
+    for number, earliest, latest in _ticks_of(there, tuple(heard), here.last_tick):
+        if heard and number < first:
             continue
         settled = number <= last or earliest <= here.last_tick - settle_ticks
-        told = number in known or not any(earliest <= b and latest >= a - 1 for a, b in here.gaps)
+        told = not any(earliest <= b and latest >= a for a, b in unknown)
         if settled and told and earliest >= here.first_tick:
             found.append(number)
     return found
+
+
+def _untold(
+    there: Stay, heard: Mapping[int, int], gaps: Sequence[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """The first and last ticks of packets of which the commands lost in each gap may have told."""
+    after = [tick - there.packets[n][0] for n, tick in heard.items() if n in there.packets]
+    shortest, longest = min(after, default=0), max(after, default=1)
+    return [(before + 1 - longest, behind - 1 - shortest) for before, behind in gaps]
 
 
 def _ticks_of(stay: Stay, heard: Sequence[int], last_tick: int) -> list[tuple[int, int, int]]:

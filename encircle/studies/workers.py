@@ -41,7 +41,10 @@ def in_processes(tasks: Iterator[Task], workers: int) -> Iterator[list[Row]]:
                 yield from (future.result()[1] for future in done)
         yield from (future.result()[1] for future in futures.as_completed(waiting))
     except BrokenProcessPool:
-        raise StudyFailed("a worker process died; the same command goes on from here") from None
+        raise StudyFailed(
+            "a worker process died; the same command goes on from here"
+            ' (a script has to call it under `if __name__ == "__main__":`)'
+        ) from None
     finally:
         pool.shutdown(cancel_futures=True)
 
