@@ -106,7 +106,9 @@ def test_a_key_does_not_go_with_another_certificate(lab):
 def test_there_is_a_file_for_each_thing_and_only_their_owner_reads_keys(lab):
     made = {p.relative_to(lab.directory).as_posix(): p for p in lab.directory.rglob("*")}
     ends = {f"{name}.{end}" for name in PARTIES for end in ("pem", "key")}
-    assert set(made) == ends | {"authority.pem", "keep-apart", "keep-apart/authority.key"}
+    others = {".gitignore", "authority.pem", "keep-apart", "keep-apart/authority.key"}
+    assert set(made) == ends | others
+    assert made[".gitignore"].read_text() == "*\n"
     assert lab.authority_key == made["keep-apart/authority.key"]
     modes = {name: stat.S_IMODE(path.stat().st_mode) for name, path in made.items()}
     assert {mode for name, mode in modes.items() if name.endswith(".key")} == {0o600}

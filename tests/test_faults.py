@@ -209,7 +209,8 @@ def test_robots_whose_world_does_not_come_back_end_with_one_line(hunt):
     hunt.world.kill()
     for name, party in hunt.robots.items():
         assert party.end() == 1
-        standing, ended = party.said.splitlines()
+        joining, standing, ended = party.said.splitlines()
+        assert joining.endswith(f"waiting for the world of run faulty at {hunt.endpoint}")
         assert standing.startswith(f"robot {name}: the world of run faulty at {hunt.endpoint} is")
         assert "standing still" in standing
         assert ended.endswith("is gone, and was not back within 0.5 s")

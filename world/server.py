@@ -149,7 +149,9 @@ class Server:
         rounds = asyncio.create_task(asyncio.to_thread(self._run_rounds))
         watch = asyncio.create_task(self._watch_progress())
         over = asyncio.create_task(self._over.wait())
-        await _first_of(rounds, over, self._trouble)
+        await _first_of(rounds, over, watch, self._trouble)
+        # It ends by itself only by an error of ours, which must not go unheard.
+        broken = watch.done()
         watch.cancel()
         over.cancel()
         if self._trouble.done() and self.core.ended is None:
@@ -157,6 +159,8 @@ class Server:
         if not rounds.done():
             await asyncio.to_thread(self.link.close)
         await rounds
+        if broken:
+            watch.result()
         self._tell_departures()
         self.rounds_s = time.perf_counter() - begun
 
