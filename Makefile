@@ -1,6 +1,7 @@
 # make setup        one virtual environment, everything pinned
 # make hunt         set up, then four robot processes and a world hunt a target over Zenoh
 # make test         set up, then the tests
+# make hosts        hunts over network namespaces, a host each; as root
 # make containers   hunts in containers on a real engine; as root on Debian, installs what it needs
 # make check        style, types and import contracts
 # make bench        the speeds that the README quotes
@@ -10,7 +11,7 @@ VENV := .venv
 BENCH_VENV := .venv-bench
 READY := $(VENV)/.ready
 
-.PHONY: setup hunt test containers check bench clean
+.PHONY: setup hunt test hosts containers check bench clean
 
 setup: $(READY)
 
@@ -27,6 +28,10 @@ hunt: setup
 
 test: setup
 	$(VENV)/bin/python -m pytest
+
+hosts: setup
+	@command -v ip > /dev/null || apt-get install --yes --no-install-recommends iproute2
+	$(VENV)/bin/python -m pytest -m hosts
 
 containers: setup
 	ENCIRCLE_CONTAINERS=yes $(VENV)/bin/python -m pytest tests/containers -n 0 -rP --durations=0

@@ -25,7 +25,10 @@ LONG = {
 """A hunt that lasts some seconds: the target is faster than the robots."""
 UNDER_WAY_TICK = 100
 
-pytestmark = pytest.mark.skipif(not possible(), reason="network namespaces need root and iproute2")
+pytestmark = [
+    pytest.mark.hosts,
+    pytest.mark.skipif(not possible(), reason="network namespaces need root and iproute2"),
+]
 
 
 @pytest.fixture

@@ -295,3 +295,10 @@ TABLES = {
 def test_whatever_the_values_loading_succeeds_or_says_what_is_wrong(tree):
     with suppress(ScenarioError):
         assert isinstance(load(tree), Scenario)
+
+
+def test_a_study_is_told_from_a_scenario(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('scenario = "sim1"\naxes = []\n')
+    with pytest.raises(ScenarioError, match=r"is a study: encircle study .*mine\.toml"):
+        load(path)

@@ -48,20 +48,29 @@ def reference(tmp_path_factory):
     return rows(encircle.study(tree(), tmp_path_factory.mktemp("reference") / "t"), workers=1)
 
 
-@pytest.fixture
-def written(tmp_path):
-    """A study that takes some seconds, as a file, and a directory for it."""
-    path = tmp_path / "long.toml"
-    path.write_text(
-        f"""
+LONG_STUDY = f"""
 scenario = "sim1"
 seeds = 20
 set = {{ ticks_max = {LONG_TICKS}, "channel.loss.model" = "bernoulli" }}
 axes = [{{ name = "loss", key = "channel.loss.rate", values = [0.9, 1.0] }}]
 strategies = ["pursuit", "xi-3"]
 """
-    )
+
+
+@pytest.fixture
+def written(tmp_path):
+    """A study that takes some seconds, as a file, and a directory for it."""
+    path = tmp_path / "long.toml"
+    path.write_text(LONG_STUDY)
     return path, tmp_path / "out"
+
+
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory):
+    """What comes of it if it is never interrupted."""
+    path = tmp_path_factory.mktemp("unbroken") / "long.toml"
+    path.write_text(LONG_STUDY)
+    return rows(encircle.study(path, path.with_name("out")))
 
 
 def started(path, out, *options):
@@ -106,11 +115,9 @@ def parts(out):
     return list((out / "parts").glob("*.parquet"))
 
 
-def check_whole(path, out):
+def check_whole(path, out, unbroken):
     """The rest is run, every run is there once, and all are as in a study never interrupted."""
-    before = encircle.study(path, out)
-    again = encircle.study(path, out.with_name("unbroken"))
-    assert rows(before).equals(rows(again))
+    assert rows(encircle.study(path, out)).equals(unbroken)
 
 
 def test_the_table_has_every_cell_and_seed_once(reference):
@@ -158,7 +165,7 @@ def test_nothing_is_written_before_it_runs(tmp_path):
     assert not (tmp_path / "t").exists()
 
 
-def test_killed_with_sigkill_it_goes_on_where_it_was(written):
+def test_killed_with_sigkill_it_goes_on_where_it_was(written, unbroken):
     path, out = written
     process = started(path, out, "--workers", "2")
     until(lambda: parts(out))
@@ -168,10 +175,10 @@ def test_killed_with_sigkill_it_goes_on_where_it_was(written):
     assert workers_of_it
     until(lambda: gone(workers_of_it))
     assert not (out / "table.parquet").exists()
-    check_whole(path, out)
+    check_whole(path, out, unbroken)
 
 
-def test_ctrl_c_ends_it_with_a_line_and_keeps_what_is_done(written):
+def test_ctrl_c_ends_it_with_a_line_and_keeps_what_is_done(written, unbroken):
     path, out = written
     process = started(path, out, "--workers", "1")
     until(lambda: parts(out))
@@ -184,10 +191,10 @@ def test_ctrl_c_ends_it_with_a_line_and_keeps_what_is_done(written):
     assert "the same command goes on from here" in error.replace("\n", " ")
     assert "Traceback" not in error
     until(lambda: gone(workers_of_it))
-    check_whole(path, out)
+    check_whole(path, out, unbroken)
 
 
-def test_a_worker_that_dies_ends_it_with_a_line(written):
+def test_a_worker_that_dies_ends_it_with_a_line(written, unbroken):
     path, out = written
     process = started(path, out, "--workers", "2")
     until(lambda: parts(out))
@@ -201,7 +208,7 @@ def test_a_worker_that_dies_ends_it_with_a_line(written):
     assert status == 1
     assert "a worker process died" in error
     assert "Traceback" not in error
-    check_whole(path, out)
+    check_whole(path, out, unbroken)
 
 
 def test_robots_are_kept_from_run_to_run_and_ended(tmp_path, monkeypatch):
@@ -295,7 +302,9 @@ def cluster(tmp_path):
     found.end()
 
 
-def test_a_cluster_gives_the_same_table_though_a_worker_is_killed(tmp_path, cluster, written):
+def test_a_cluster_gives_the_same_table_though_a_worker_is_killed(
+    tmp_path, cluster, written, unbroken
+):
     path, _ = written
     first, _ = cluster.add_worker(), cluster.add_worker()
     study = encircle.study(path, tmp_path / "t")
@@ -306,7 +315,7 @@ def test_a_cluster_gives_the_same_table_though_a_worker_is_killed(tmp_path, clus
 
     study.run(cluster=cluster.address, progress=kill_one)
     assert first.wait(10) == -signal.SIGKILL
-    assert rows(study).equals(rows(encircle.study(path, tmp_path / "local")))
+    assert rows(study).equals(unbroken)
 
 
 def test_no_scheduler_no_study(tmp_path, monkeypatch):

@@ -13,7 +13,7 @@ from helpers_swarm import play, scenario_of
 from world.scenario import Crash
 
 ONE = os.environ.get("ENCIRCLE_SWARM_SEED")
-SEEDS = range(120) if ONE is None else range(int(ONE), int(ONE) + 1)
+SEEDS = range(60) if ONE is None else range(int(ONE), int(ONE) + 1)
 NIGHTLY_SEEDS = range(1_000, 3_200)
 PER_TEST = 10
 PER_NIGHTLY_TEST = 100

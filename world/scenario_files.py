@@ -33,6 +33,10 @@ def read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
             tree = json.load(file) if path.suffix == ".json" else tomllib.load(file)
             if not isinstance(tree, dict):
                 raise ScenarioError(f"scenario {str(source)!r} = {shown(tree)}: must be a table")
+            if "axes" in tree:
+                raise ScenarioError(
+                    f"scenario {str(source)!r} has axes, so it is a study: encircle study {source}"
+                )
             return str(source), anchored(tree, path.parent)
     except (FileNotFoundError, IsADirectoryError):
         raise ScenarioError(
