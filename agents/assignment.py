@@ -7,11 +7,14 @@ Ties. Algorithm 1 keeps the first permutation it meets, and each robot starts it
 its own point, so two robots may break one tie differently and claim one point. All robots must
 agree, so here every robot takes the permutation that Algorithm 1 finds for the *first* robot of the
 team: of the shortest, the lexicographically smallest in robot order. Two sums count as equal if
-they are so in whole microns (``QUANTA_PER_M``), since rounding noise must not decide. In integers
-the rule can be carried by the costs themselves: each distance is shifted left and the low bits hold
-the point's number, the first robot's in the highest place. Sums of up to 8 km stay below 2**53, so
-scipy's double arithmetic is exact. The low bits hold the whole rule up to seven robots; beyond that
-only for as many leading robots as fit, and what is left is broken by scipy's own fixed order.
+they are so in whole microns (``QUANTA_PER_M``), since rounding noise must not decide.
+
+Up to ``ENUMERATED_MAX`` robots all permutations are summed by one matrix product, exact in whole
+microns, and the first of the shortest is taken. For larger teams the rule is carried by the costs
+themselves: each distance is shifted left and the low bits hold the point's number, the first
+robot's in the highest place. Sums of up to 8 km stay below 2**53, so scipy's double arithmetic is
+exact. The low bits hold the whole rule up to seven robots; beyond that only for as many leading
+robots as fit, and what is left is broken by scipy's own fixed order.
 
 The paper assigns anew at every step, so a robot between two points may turn back and forth as the
 ring turns and news comes late. ``kept_or_assigned`` is hysteresis against that, by request. Each
@@ -28,6 +31,7 @@ from scipy.spatial.distance import cdist
 
 from protocol.messages import QUANTA_PER_M, Point
 
+ENUMERATED_MAX = 5
 TIE_BITS = 20
 
 
@@ -68,15 +72,27 @@ def whole_microns(distances: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=256)
-def _preference(count: int, columns: int) -> NDArray[np.float64]:
-    """(count, columns * count) low bits that make the lexicographically smallest win, see above."""
+def _preference(count: int) -> NDArray[np.float64]:
+    """(N, 1, N) low bits that make the lexicographically smallest win, see above."""
     leading = 0
     while leading < count and count ** (leading + 1) <= 2**TIE_BITS:
         leading += 1
     place = np.zeros(count)
     place[:leading] = float(count) ** np.arange(leading - 1, -1, -1)
-    bits = place[:, None] * np.arange(count)[None, :]
-    return np.tile(bits, (1, columns))
+    return place[:, None, None] * np.arange(count)
+
+
+@lru_cache(maxsize=ENUMERATED_MAX + 1)
+def _permutations(count: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """All N! permutations in lexicographic order, (N!, N), and what sums their costs, (N * N, N!).
+
+    Costs are in order of robot, then point.
+    """
+    every = np.array(list(permutations(range(count))), np.intp)
+    sums = np.zeros((count * count, len(every)))
+    for robot in range(count):
+        sums[robot * count + every[:, robot], np.arange(len(every))] = 1.0
+    return every, sums
 
 
 def assign(
@@ -88,15 +104,32 @@ def assign(
     distance to it (G, N) in m.
     """
     rings, count, _ = points.shape
-    distances = cdist(team, points.reshape(rings * count, 2))
+    # [robot, ring, point]
+    distances = cdist(team, points.reshape(rings * count, 2)).reshape(count, rings, count)
     costs = whole_microns(distances)
-    costs *= 2.0**TIE_BITS
-    costs += _preference(count, rings)
+    choose = shortest_of_all if count <= ENUMERATED_MAX else shortest_by_linear_assignment
+    choice = choose(costs)
+    return choice, distances[_numbers(count), _numbers(rings)[:, None], choice]
+
+
+def shortest_of_all(costs: NDArray[np.float64]) -> NDArray[np.intp]:
+    """(G, N) each robot's point, for ``costs`` (N, G, N) of robot, ring and point: enumeration."""
+    count, rings, _ = costs.shape
+    every, sums = _permutations(count)
+    totals = costs.transpose(1, 0, 2).reshape(rings, count * count) @ sums
+    chosen: NDArray[np.intp] = every[totals.argmin(axis=1)]
+    return chosen
+
+
+def shortest_by_linear_assignment(costs: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The same by linear assignment, for any N."""
+    count, rings, _ = costs.shape
+    costs = costs * 2.0**TIE_BITS
+    costs += _preference(count)
     choice = np.empty((rings, count), np.intp)
     for ring in range(rings):
-        choice[ring] = linear_sum_assignment(costs[:, ring * count : (ring + 1) * count])[1]
-    chosen = _starts(rings, count) + choice
-    return choice, distances[_rows(count), chosen]
+        choice[ring] = linear_sum_assignment(costs[:, ring])[1]
+    return choice
 
 
 def kept_or_assigned(
@@ -118,17 +151,12 @@ def kept_or_assigned(
     if kept == chosen:
         return chosen
     costs = whole_microns(cdist(team, points))
-    best = costs[_rows(len(team)), assigned].sum()
+    best = costs[_numbers(len(team)), assigned].sum()
     others = np.delete(np.delete(costs, own, axis=0), kept, axis=1)
     best_keeping = costs[own, kept] + others[linear_sum_assignment(others)].sum()
     return chosen if best_keeping - best > gain_m * QUANTA_PER_M else kept
 
 
 @lru_cache(maxsize=256)
-def _starts(rings: int, count: int) -> NDArray[np.intp]:
-    return np.arange(0, rings * count, count)[:, None]
-
-
-@lru_cache(maxsize=256)
-def _rows(count: int) -> NDArray[np.intp]:
+def _numbers(count: int) -> NDArray[np.intp]:
     return np.arange(count)

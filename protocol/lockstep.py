@@ -8,12 +8,12 @@ nothing, until it joins again.
 """
 
 from collections.abc import Sequence
-from enum import Enum
+from enum import StrEnum
 
 from protocol.errors import OutOfTurn
 
 
-class Phase(Enum):
+class Phase(StrEnum):
     """Where one robot stands."""
 
     ABSENT = "absent"
@@ -24,7 +24,7 @@ class Phase(Enum):
     LEFT = "left"
 
 
-class Move(Enum):
+class Move(StrEnum):
     """What can happen to one robot."""
 
     JOIN = "join"

@@ -45,8 +45,8 @@ class Arena:
 class ArenaState(NamedTuple):
     """The truth at a tick. ``positions``: (N + 1 + O, 2) in m; ``headings``: (N + 1,) in rad.
 
-    ``away``: (N,) for how many ticks each robot has been lost, 0 if it is not; ``last_steps``:
-    (N, 2) in m, what each did in its last step before that.
+    ``away``: (N,) for how many ticks each robot has been lost, 0 if it is not, None while none is;
+    ``last_steps``: (N, 2) in m, what each did in its last step before that.
     """
 
     tick: int
@@ -60,7 +60,7 @@ class ArenaState(NamedTuple):
     scans: Floats
     captured: bool
     contacts: tuple[tuple[int, int], ...]
-    away: NDArray[np.int64]
+    away: NDArray[np.int64] | None
     last_steps: Floats
 
 
@@ -91,10 +91,8 @@ def initial(arena: Arena) -> ArenaState:
     positions = quantised(np.array([*starts, scenario.target.position, *fixed]))
     headings = np.zeros(len(arena.ids) + 1)
     headings[-1] = scenario.target.heading_rad
-    count = len(arena.ids)
-    away, still = np.zeros(count, np.int64), np.zeros((count, 2))
-    air = radio.initial(arena.channel)
-    return _sensed(arena, 0, positions, headings, None, air, {}, (), away, still)
+    air, still = radio.initial(arena.channel), np.zeros((len(arena.ids), 2))
+    return _sensed(arena, 0, positions, headings, None, air, {}, (), None, still)
 
 
 def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[Observation]:
@@ -151,12 +149,12 @@ def advance(
     sending = _sending(arena, state, packets, name_bytes, lost)
     air, fates = radio.transmit(arena.channel, air, sending)
     memory, target_step = _target_step(arena, state)
-    away = state.away
-    if lost is not None or away.any():
-        away = np.where(lost, away + 1, 0) if lost is not None else np.zeros_like(away)
-        steps = np.where(away[:, None] > 0, dynamics.coasting(state.last_steps, away), steps)
+    away = None
+    if lost is not None:
+        away = np.where(lost, 1 if state.away is None else state.away + 1, 0)
+        steps = np.where(lost[:, None], dynamics.coasting(state.last_steps, away), steps)
     wanted = dynamics.limited(np.vstack([steps, target_step]), arena.step_m_max)
-    headings = _turned(arena, state, wanted, away)
+    headings = _turned(arena, state, wanted, lost)
     gaps = state.geometry.gaps
     moved, contacts = collisions.move(state.positions, arena.radii, wanted, gaps)
     positions = state.positions.copy()
@@ -173,8 +171,9 @@ def advance(
         if sent != tick
     }
     kept[tick] = tuple(packets)
-    made = positions[:count] - state.positions[:count]
-    last_steps = np.where(away[:, None] > 0, state.last_steps, made) if away.any() else made
+    last_steps = positions[:count] - state.positions[:count]
+    if lost is not None:
+        last_steps = np.where(lost[:, None], state.last_steps, last_steps)
     after = _sensed(
         *(arena, tick + 1, positions, headings, memory, air, kept, tuple(contacts)),
         *(away, last_steps),
@@ -182,7 +181,9 @@ def advance(
     return after, fates
 
 
-def _turned(arena: Arena, state: ArenaState, wanted: Floats, away: NDArray[np.int64]) -> Floats:
+def _turned(
+    arena: Arena, state: ArenaState, wanted: Floats, lost: NDArray[np.bool_] | None
+) -> Floats:
     """(N + 1,) headings of those that move as ``wanted`` (N + 1, 2), which becomes what they can.
 
     A lost robot does not steer.
@@ -190,13 +191,14 @@ def _turned(arena: Arena, state: ArenaState, wanted: Floats, away: NDArray[np.in
     count, headings = len(arena.ids), state.headings
     if arena.scenario.team.motion == "holonomic":
         turned = dynamics.holonomic_headings(headings, wanted)
-        return np.where(np.append(away, 0) > 0, headings, turned) if away.any() else turned
+        if lost is not None:
+            turned[:count][lost] = headings[:count][lost]
+        return turned
     turned, rolled = dynamics.unicycle(
         headings[:count], wanted[:count], arena.scenario.team.turn_rad_max
     )
-    if away.any():
-        turned = np.where(away > 0, headings[:count], turned)
-        rolled = np.where(away[:, None] > 0, wanted[:count], rolled)
+    if lost is not None:
+        turned[lost], rolled[lost] = headings[:count][lost], wanted[:count][lost]
     wanted[:count] = rolled
     return np.append(turned, dynamics.holonomic_headings(headings[count:], wanted[count:]))
 
@@ -236,7 +238,7 @@ def _sensed(
     air: radio.ChannelState,
     packets: dict[int, tuple[bytes | None, ...]],
     contacts: tuple[tuple[int, int], ...],
-    away: NDArray[np.int64],
+    away: NDArray[np.int64] | None,
     last_steps: Floats,
 ) -> ArenaState:
     """A state with everything that follows from the positions."""
@@ -244,7 +246,7 @@ def _sensed(
     needed = arena.scenario.capture_count
     geometry = sensing.geometry(positions, arena.radii, count + 1)
     rays = np.stack([-geometry.x[:count, count], -geometry.y[:count, count]], axis=1)
-    if away.any():
+    if away is not None:
         # A body that nobody commands blocks, but it is no hunter.
         rays = rays[away == 0]
         needed = min(needed, len(rays))
