@@ -1,8 +1,8 @@
-"""The compose files against the Compose Specification, which is what Compose v2 reads.
+"""The compose files against the Compose Specification, where there is no Compose to ask.
 
-The oracle is the compose-spec package. It knows neither YAML's merge key nor variables, which both
-Compose versions resolve before they look at anything, so that is done here. That docker-compose
-1.29 accepts the files, alone and together, is checked where it is installed: tests/containers.
+The oracle is the compose-spec package. It knows neither YAML's merge key nor variables, which
+Compose resolves before it looks at anything, so that is done here. What docker-compose 1.29 and
+Compose v2 themselves say of the files, and do with them: tests/containers.
 """
 
 import json

@@ -15,14 +15,22 @@ STEP_S = 0.2
 
 
 class Project:
-    """Containers of some compose files. Use as a context, which removes them and their network."""
+    """Containers of some compose files. Use as a context, which removes them and their network.
+
+    ``program``: the Compose to be used.
+    """
 
     def __init__(
-        self, engine: Daemon, name: str, files: Sequence[str], settings: dict[str, str]
+        self,
+        engine: Daemon,
+        name: str,
+        files: Sequence[str],
+        settings: dict[str, str],
+        program: str = "docker-compose",
     ) -> None:
         self._engine = engine
         chosen = [part for file in files for part in ("--file", str(HERE / file))]
-        self._compose = ["docker-compose", "--project-name", name, *chosen]
+        self._compose = [program, "--project-name", name, *chosen]
         self._env = engine.env | settings
 
     def __enter__(self) -> "Project":

@@ -26,6 +26,8 @@ PACKAGES = {
     "debootstrap": "debootstrap",
     "ip": "iproute2",
 }
+COMPOSE_V2_RELEASE = "trixie"
+"""The first release of Debian with Compose v2; it also runs on the one before."""
 BASE_IMAGE = "python:3.11-slim"
 BASE_PACKAGES = "python3,python3-pip,python3-venv,ca-certificates"
 CERTIFICATES = Path("etc/ssl/certs/ca-certificates.crt")
@@ -40,7 +42,10 @@ COMMAND_S_MAX = 400.0
 
 
 def output(
-    *command: str, env: Mapping[str, str] | None = None, s_max: float = COMMAND_S_MAX
+    *command: str,
+    env: Mapping[str, str] | None = None,
+    s_max: float = COMMAND_S_MAX,
+    cwd: Path | None = None,
 ) -> str:
     """What a command says on standard output; ``AssertionError`` with all it said if it fails."""
     done = subprocess.run(
@@ -50,6 +55,7 @@ def output(
         timeout=s_max,
         check=False,
         env=os.environ | (env or {}),
+        cwd=cwd,
     )
     said = f"{' '.join(command[:4])} ... ended with {done.returncode}:\n{done.stdout}{done.stderr}"
     assert done.returncode == 0, said[-8000:]
@@ -65,6 +71,34 @@ def install() -> None:
     output("apt-get", "update", "--quiet", env=quiet)
     with _services_stay_off():
         output("apt-get", "install", "--yes", "--no-install-recommends", *missing, env=quiet)
+
+
+def fetch_compose_v2(root: Path) -> Path:
+    """Compose v2, from where this machine's own packages come, unpacked into ``root``."""
+    (root / "lists" / "partial").mkdir(parents=True)
+    sources = root / "sources.list"
+    keys = "/usr/share/keyrings/debian-archive-keyring.gpg"
+    mirror = _package_source(platform.freedesktop_os_release()["VERSION_CODENAME"])
+    sources.write_text(f"deb [signed-by={keys}] {mirror} {COMPOSE_V2_RELEASE} main\n")
+    options = {
+        "Dir::Etc::SourceList": str(sources),
+        "Dir::Etc::SourceParts": "/dev/null",
+        "Dir::State::Lists": str(root / "lists"),
+        "Dir::Cache": str(root),
+        "APT::Sandbox::User": "root",
+    }
+    settings = [f"--option={name}={value}" for name, value in options.items()]
+    output("apt-get", *settings, "update", "--quiet")
+    output("apt-get", *settings, "download", "docker-compose", cwd=root)
+    (package,) = root.glob("docker-compose_*.deb")
+    output("dpkg-deb", "--extract", str(package), str(root / "system"))
+    return root / "system/usr/libexec/docker/cli-plugins/docker-compose"
+
+
+def _package_source(codename: str) -> str:
+    """Where this machine gets the packages of its Debian release."""
+    which = ("--format", "$(REPO_URI)", "Created-By: Packages", f"Codename: {codename}")
+    return output("apt-get", "indextargets", *which).split()[0]
 
 
 @contextlib.contextmanager
@@ -164,10 +198,15 @@ def make_base_image(root: Path, daemon: Daemon) -> None:
     """A Debian with Python, of this machine's release, under the name of the official image."""
     system = root / "system"
     codename = platform.freedesktop_os_release()["VERSION_CODENAME"]
-    which = ("--format", "$(REPO_URI)", "Created-By: Packages", f"Codename: {codename}")
-    source = output("apt-get", "indextargets", *which).split()[0]
     include = f"--include={BASE_PACKAGES}"
-    output("debootstrap", "--variant=minbase", include, codename, str(system), source)
+    output(
+        "debootstrap",
+        "--variant=minbase",
+        include,
+        codename,
+        str(system),
+        _package_source(codename),
+    )
     system.chmod(0o755)
     (system / "usr/bin/python").symlink_to("python3")
     for marker in system.glob("usr/lib/python3*/EXTERNALLY-MANAGED"):

@@ -9,7 +9,16 @@ from pathlib import Path
 
 import pytest
 from helpers_compose import HERE, Project
-from helpers_engine import ADDRESS, Daemon, building, install, make_base_image, remove, running
+from helpers_engine import (
+    ADDRESS,
+    Daemon,
+    building,
+    fetch_compose_v2,
+    install,
+    make_base_image,
+    remove,
+    running,
+)
 
 import encircle
 from encircle.certificates import make_certificates
@@ -54,6 +63,20 @@ def engine() -> Iterator[Daemon]:
         remove(root)
 
 
+@pytest.fixture(scope="module")
+def compose_v2(engine: Daemon) -> Iterator[str]:
+    """Compose v2; the machine's own is 1.29."""
+    root = Path(tempfile.mkdtemp(prefix="encircle-compose-"))
+    yield str(fetch_compose_v2(root))
+    shutil.rmtree(root)
+
+
+@pytest.fixture(params=["1.29", "v2"])
+def compose(request: pytest.FixtureRequest) -> str:
+    """Either Compose."""
+    return request.getfixturevalue("compose_v2") if request.param == "v2" else "docker-compose"
+
+
 @pytest.fixture
 def runs() -> Iterator[Path]:
     """A directory that another user may write to, which those of pytest do not let through."""
@@ -69,8 +92,14 @@ def summary(runs: Path) -> dict:
 
 
 @pytest.mark.parametrize("files", [ONE, SCALED, IMPAIRED, HOST], ids=lambda files: files[-1])
-def test_the_compose_files_are_accepted(engine, files):
-    Project(engine, "valid", files, {}).compose("config", "--quiet")
+def test_the_compose_files_are_accepted(engine, compose, files):
+    Project(engine, "valid", files, {}, compose).compose("config", "--quiet")
+
+
+def test_both_versions_of_compose_are_tried(engine, compose_v2):
+    for program, version in (("docker-compose", "1.29."), (compose_v2, "2.")):
+        said = Project(engine, "version", ONE, {}, program).compose("version", "--short")
+        assert said.startswith(version)
 
 
 def test_the_image_is_small_enough_and_runs_as_nobody_special(engine):
@@ -85,9 +114,9 @@ def test_the_image_is_small_enough_and_runs_as_nobody_special(engine):
     assert listed.startswith("sim1")
 
 
-def test_up_runs_simulation_1_as_in_memory_and_leaves_the_recording(engine, runs):
+def test_up_runs_simulation_1_as_in_memory_and_leaves_the_recording(engine, compose, runs):
     memory = encircle.run("sim1", link="memory")
-    with Project(engine, "one", ONE, {"ENCIRCLE_HOST_RUNS": str(runs)}) as project:
+    with Project(engine, "one", ONE, {"ENCIRCLE_HOST_RUNS": str(runs)}, compose) as project:
         project.up()
         assert project.statuses() == dict.fromkeys([*PARTIES, "runs"], 0), project.logs("router")
         users = project.inspected(".Config.User")
@@ -109,9 +138,9 @@ def test_a_second_up_records_beside_the_first(engine, runs):
     assert sorted(path.name for path in runs.iterdir()) == ["sim1-seed7-1", "sim1-seed7-2"]
 
 
-def test_six_robots(engine, runs):
+def test_six_robots(engine, compose, runs):
     memory = encircle.run("sim1", link="memory", overrides=["team={robots=6}"])
-    with Project(engine, "six", SCALED, {"ENCIRCLE_HOST_RUNS": str(runs)}) as project:
+    with Project(engine, "six", SCALED, {"ENCIRCLE_HOST_RUNS": str(runs)}, compose) as project:
         project.up()
         statuses = project.statuses()
         said = project.logs("router")
@@ -119,7 +148,7 @@ def test_six_robots(engine, runs):
     assert summary(runs)["digest"] == memory.digest
 
 
-def test_every_container_with_a_loss_and_a_delay_of_its_own(engine, runs):
+def test_every_container_with_a_loss_and_a_delay_of_its_own(engine, compose, runs):
     rows = [("r1", 0.0, 0.0), ("r2", 0.1, 0.1), ("r3", 0.2, 0.2), ("r4", 0.9, 0.3)]
     links = ",".join(
         f'{{sender="{robot}",loss={{model="bernoulli",rate={loss}}},'
@@ -128,7 +157,7 @@ def test_every_container_with_a_loss_and_a_delay_of_its_own(engine, runs):
     )
     memory = encircle.run("sim1", link="memory", overrides=[f"channel.links=[{links}]"])
     settings = {"ENCIRCLE_HOST_RUNS": str(runs), "R4_LOSS": "0.9"}
-    with Project(engine, "impaired", IMPAIRED, settings) as project:
+    with Project(engine, "impaired", IMPAIRED, settings, compose) as project:
         project.up()
         assert set(project.statuses().values()) == {0}
     found = summary(runs)
@@ -136,10 +165,10 @@ def test_every_container_with_a_loss_and_a_delay_of_its_own(engine, runs):
     assert found["packets_lost"] == memory.result.packets_lost != {}
 
 
-def test_a_hunt_goes_on_while_one_robots_container_is_stopped(engine, runs):
+def test_a_hunt_goes_on_while_one_robots_container_is_stopped(engine, compose, runs):
     """It is lost, the other three go on, and started again it is counted in."""
     settings = {"ENCIRCLE_HOST_RUNS": str(runs), "ENCIRCLE_SET": ENDLESS}
-    with Project(engine, "stopped", ONE, settings) as project:
+    with Project(engine, "stopped", ONE, settings, compose) as project:
         project.start()
         project.wait_for_tick(100)
         project.compose("stop", "r2")
