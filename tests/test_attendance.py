@@ -3,6 +3,7 @@
 import pytest
 from helpers_world import RUN, answers, arena, command, pose
 
+from agents.core import RobotCore
 from protocol.codec import encode
 from protocol.errors import OutOfTurn
 from protocol.keys import robot_key
@@ -87,6 +88,41 @@ def test_those_that_do_not_answer_are_lost_and_a_late_answer_brings_them_back():
     answer(core, "r1", "r3")
     assert core.departures[2:] == [(2, "r4", "back")]
     assert core.lost == ("r2",)
+
+
+def test_a_robot_that_missed_what_it_was_asked_is_asked_anew_until_it_answers():
+    core, roll = attended()
+    deaf = RobotCore("r2", RUN)
+    answer(core, *ROBOTS)
+    assert roll.reminders() == []
+    answer(core, "r1", "r3", "r4")
+    roll.silent(1, 3.0)
+    answer(core, "r1", "r3", "r4")
+    asked = roll.reminders()
+    assert asked == roll.reminders()
+    assert [key for key, _ in asked] == [
+        robot_key(RUN, "r2", channel) for channel in ("setup", "observation")
+    ]
+    said = [reply for message in asked for reply in deaf.receive(*message)]
+    assert (dict(deaf.refused), len(said)) == ({}, 2)
+    for message in said:
+        core.receive(*message)
+        roll.heard(*message)
+    assert roll.reminders() == []
+    answer(core, "r1", "r3", "r4")
+    assert core.departures == [(1, "r2", "lost: no answer for 3 s"), (4, "r2", "back")]
+
+
+def test_a_robot_that_is_gone_is_not_asked_anew():
+    core, roll = attended()
+    answer(core, "r1", "r3", "r4")
+    roll.silent(0, 3.0)
+    roll.went("r2")
+    assert roll.reminders() == []
+    roll.came("r2")
+    answer(core, "r1", "r3", "r4")
+    assert core.departures[1:] == [(2, "r2", "back")]
+    assert roll.reminders() == []
 
 
 def test_an_answer_that_comes_in_the_last_moment_makes_nobody_else_late():

@@ -267,6 +267,39 @@ def test_a_robot_that_speaks_another_version_says_which_and_the_run_goes_on_with
     hunt.wait_for_ticks()
 
 
+DEAF = """
+import sys
+from protocol.zenoh_link import ZenohLink
+heard, receive = [], ZenohLink.receive
+def receive_some(link):
+    while True:
+        key, payload = receive(link)
+        heard.append(key.rsplit("/")[-1])
+        if heard[-1] != "observation" or heard.count("setup") > 1 or len(heard) < 20:
+            return key, payload
+ZenohLink.receive = receive_some
+from agents.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+"""A robot to which, from some tick on, no observation gets through, until it is set up anew."""
+
+
+@pytest.mark.parametrize("clock", [{}, {"clock": "wall", "tick_s": 0.02}])
+def test_a_robot_that_missed_what_it_was_asked_is_asked_anew_and_back(hunt, clock):
+    hunt.scenario.write_text(json.dumps(ENDLESS | clock))
+    hunt.start_world()
+    for robot in ("r1", "r3", "r4"):
+        hunt.start_robot(robot)
+    hunt.robots["r2"] = hunt.start_as("r2", "-c", DEAF, "r2", "--connect", hunt.endpoint)
+    lost = ("r2", f"lost: no answer for {ANSWER_S} s")
+    hunt.wait_for(lambda seen: seen == [lost, ("r2", "back")])
+    hunt.wait_for_ticks()
+    assert hunt.world.terminate() == 1
+    assert [party.end() for party in hunt.robots.values()] == [1] * 4
+    assert len(hunt.departures) == 2
+    assert replay(hunt.out).same
+
+
 class Command:
     """``encircle run`` of a long hunt, with the ids of the processes that it starts."""
 

@@ -3,7 +3,9 @@
 A robot is there when its liveliness token is. One whose token goes, or that owes an answer for too
 long, is lost: the run goes on without it, or ends, as it was asked to. A lost robot is taken in
 again when its token comes back or when it says something that only it would say, such as the late
-answer of one that was frozen. Robots that the scenario itself takes away are no concern of this.
+answer of one that was frozen. One that fell silent while its token stays may have missed what it
+was asked, and would wait for ever: it is asked anew until it says something. Robots that the
+scenario itself takes away are no concern of this.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,6 +40,7 @@ class Attendance:
         self._briefings = briefings
         self._present: set[str] = set()
         self._lost: set[str] = set()
+        self._owed: dict[str, Outgoing] = {}
 
     @property
     def expected(self) -> tuple[str, ...]:
@@ -83,7 +86,13 @@ class Attendance:
         """As ``silent``, of these robots."""
         lasted = f"for {answer_s_max:g} s"
         said = f"no answer from {', '.join(names)} {lasted}"
+        self._owed |= {robot: self._core.asked_anew(robot) for robot in names}
         return self._lose(names, f"no answer {lasted}", said)
+
+    def reminders(self) -> Outgoing:
+        """What those that fell silent and are still there are asked anew."""
+        silent = self._owed.keys() & self._lost & self._present
+        return [said for robot in sorted(silent) for said in self._owed[robot]]
 
     def begin(self) -> Outgoing:
         """The rounds begin, with whoever is there: what to send; raises ``RunEnded``."""
@@ -124,6 +133,7 @@ class Attendance:
 
     def _taken_in(self, robot: str) -> Outgoing:
         self._lost.discard(robot)
+        self._owed.pop(robot, None)
         return self._core.join(robot)
 
     def _lose(self, names: Sequence[str], why: str, said: str) -> Outgoing:

@@ -159,6 +159,11 @@ class WorldCore:
         }
         return [said for said in self._asked if said[0] in waiting]
 
+    def asked_anew(self, robot: str) -> Outgoing:
+        """A setup, and what the robot was asked for in the open round: it begins anew with that."""
+        key = robot_key(self.run, robot, "observation")
+        return [self._setup(robot), *[said for said in self._asked if said[0] == key]]
+
     def refuse(self, key: str, error: ProtocolError) -> None:
         """Count and log something that was refused."""
         self.refused[error.cause] += 1

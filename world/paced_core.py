@@ -164,10 +164,9 @@ class PacedCore(WorldCore):
         if self.ended is not None:
             return self._end_messages()
         encoded = self._encoded if self.record is not None else []
-        return [
-            *self.setups,
-            *(encoded or [self._encode(o.robot, "observation", o) for o in observations]),
-        ]
+        encoded = encoded or [self._encode(o.robot, "observation", o) for o in observations]
+        self._asked = [*self.setups, *encoded]
+        return self._asked
 
     def _to_tell(self, observations: list[Observation]) -> list[Observation]:
         if self.clock is not None:

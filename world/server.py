@@ -200,11 +200,15 @@ class Server:
     async def _watch_progress(self) -> None:
         """Report progress, and see to it that nobody is waited for too long."""
         tick, waited_s, again_s, looked_s = -1, 0.0, ASK_AGAIN_S, time.monotonic()
+        reminded_s = looked_s
         while True:
             state, now_s = self.core.state, time.monotonic()
             waited_s += min(now_s - looked_s, WATCHED_S_MAX)
             looked_s = now_s
             self._tell_departures()
+            if now_s - reminded_s > ASK_AGAIN_S:
+                reminded_s = now_s
+                self._act(self._attendance.reminders)
             if state.tick != tick:
                 tick, waited_s, again_s = state.tick, 0.0, ASK_AGAIN_S
                 distances_m = state.geometry.distances[:-1, -1 - self._fixed].tolist()
