@@ -4,6 +4,7 @@ What is refused at the gate, and counted, is in ``test_intruders``; this is what
 """
 
 import itertools
+import json
 import shutil
 import stat
 import subprocess
@@ -93,6 +94,24 @@ def test_a_hunt_through_a_router_is_the_one_in_memory(lab, started, tmp_path):
     last = router.said.splitlines()[-1]
     assert last.startswith("router: refused: ")
     assert " connections: " in last
+
+
+@pytest.mark.parametrize("direct", [True, False])
+def test_robots_hear_each_other_where_the_router_lets_them(lab, started, tmp_path, direct):
+    gate = free_endpoint("tls")
+    settings = {"certificates": lab.directory}
+    flag = ("--direct-radio",) if direct else ()
+    started("protocol.router", *flag, listen=gate, **settings).wait_for_listening()
+    settings |= {"connect": gate, "run": RUN}
+    by_clock = "clock=wall;tick_s=0.02;radio=direct;ticks_max=150"
+    parties = [started("world", "sim1", out=tmp_path / "run", set=by_clock, **settings)]
+    parties += [started("agents", robot, **settings) for robot in ROBOTS]
+    assert [party.end() for party in parties] == [0] * 5, parties[0].said
+    links = json.loads((tmp_path / "run" / "summary.json").read_text())["transport"]["links"]
+    pairs = [link for link in links if "world" not in (link["sender"], link["receiver"])]
+    assert len(pairs) == 12
+    assert all(link["sent"] > 10 for link in pairs)
+    assert {link["lost"] / link["sent"] for link in pairs} == {0.0 if direct else 1.0}
 
 
 def test_a_world_that_listens_is_the_gate_itself(lab, started):
