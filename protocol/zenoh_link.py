@@ -12,7 +12,7 @@ import contextlib
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import zenoh
@@ -111,6 +111,14 @@ class ZenohLink:
             raise LinkClosed(str(error)) from None
         return str(sample.key_expr), sample.payload.to_bytes()
 
+    def waiting(self) -> Iterator[tuple[str, bytes]]:
+        """The messages that are there now, one by one; ``LinkClosed`` as in ``receive``."""
+        try:
+            while (sample := self._inbox.try_recv()) is not None:
+                yield str(sample.key_expr), sample.payload.to_bytes()
+        except zenoh.ZError as error:
+            raise LinkClosed(str(error)) from None
+
     def overhear(self, expression: str, tell: Callable[[str, bytes], None]) -> Callable[[], None]:
         """As in ``protocol.links.Link``; ``tell`` is called on one of Zenoh's threads."""
 
@@ -154,12 +162,22 @@ class ZenohLink:
     def close(self) -> None:
         """Close the session and wake whoever waits in ``receive``; may be called twice.
 
-        What was sent before is flushed.
+        What was sent before goes out first; of what the other side is slow to take, the end may be
+        lost all the same.
         """
         with self._closing:
             self._closed.set()
             if not self._session.is_closed():
+                # Zenoh's own threads wait while the inbox is full, and closing waits for them.
+                emptying = threading.Thread(target=self._empty, name="emptying", daemon=True)
+                emptying.start()
                 self._session.close()  # type: ignore[no-untyped-call]
+                emptying.join()
+
+    def _empty(self) -> None:
+        with contextlib.suppress(LinkClosed):
+            while True:
+                self.receive()
 
 
 class _Patience:

@@ -184,6 +184,23 @@ def test_what_was_sent_before_closing_still_arrives(pair):
     assert received(listener, 100) == [("t/1", payload) for payload in payloads]
 
 
+def test_a_link_whose_inbox_is_full_and_that_is_sent_still_more_closes(pair):
+    receiver, sender = pair
+    sent, enough = [], threading.Event()
+
+    def send_on():
+        while not enough.is_set():
+            sender.send("t/junk", bytes(1000))
+            sent.append(time.monotonic())
+
+    sending = in_thread(send_on)
+    while not sent or time.monotonic() - sent[-1] < 0.5:
+        time.sleep(RETRY_S)  # until there is no room
+    in_thread(receiver.close).result(timeout=WAIT_S_MAX)
+    enough.set()
+    sending.result(timeout=WAIT_S_MAX)
+
+
 def test_a_link_may_be_closed_twice_and_stays_closed(pair):
     link = pair[1]
     link.send("t/declared", b"")

@@ -9,6 +9,7 @@ process; what happens to robots goes to standard error as well.
 import asyncio
 import contextlib
 import gc
+import itertools
 import json
 import signal
 import sys
@@ -36,6 +37,7 @@ JOIN_S_MAX = 30.0
 ANSWER_S_MAX = 3.0
 ASK_AGAIN_S = 1.0
 WATCH_PERIOD_S = 0.1
+EARLY_PERIOD_S, EARLY_MAX = 0.02, 4096
 WATCHED_S_MAX = 0.5
 """How much of the time between two looks counts as waiting, for this world may have been frozen."""
 FAILED = "failed: "
@@ -111,8 +113,12 @@ class Server:
         self.link.announce(world_key(run, "alive"))
         late = self._loop.call_later(self.terms.join_s_max, self._give_up_joining)
         everyone = asyncio.create_task(self._everyone.wait())
-        await _first_of(everyone, self._trouble)
+        early = asyncio.create_task(self._refuse_what_is_early())
+        await _first_of(everyone, self._trouble, early)
         late.cancel()
+        if early.done():
+            early.result()
+        early.cancel()
         if not self._trouble.done():
             self.joined_s = time.perf_counter() - started
             await self._hunt()
@@ -136,6 +142,17 @@ class Server:
                 self._loop.call_soon_threadsafe(self.stop, str(error))
 
         self.core.record = record
+
+    async def _refuse_what_is_early(self) -> None:
+        """An inbox that is full would keep tokens out as well.
+
+        Who takes up a run has asked already, and what comes may be answers.
+        """
+        while True:
+            if self._taken_up_tick is None:
+                for key, payload in itertools.islice(self.link.waiting(), EARLY_MAX):
+                    self.core.receive(key, payload)
+            await asyncio.sleep(EARLY_PERIOD_S)
 
     def _tell_failure(self) -> None:
         with contextlib.suppress(LinkClosed), self._lock:
