@@ -3,14 +3,15 @@
 The world does not wait. So a robot answers the newest observation that it has and passes over those
 before it, but for what their radio brought: packets that were delivered, or admitted, then. It says
 in its commands how many observations it has passed over and how many never came, when the
-observation came that it answers, when it answers, and when each packet came that it has heard from
-a peer itself; from that the world works out what the network does (``world.transport``).
+observation came that it answers, when it answers, and what it has heard when, until it knows that
+the world knows; from that the world works out what the network does (``world.transport``).
 
 ``RobotCore`` checks and decides as ever; this only chooses what it is given.
 """
 
 from collections import deque
 from dataclasses import replace
+from itertools import islice
 
 from agents.brain import Action
 from agents.core import RobotCore
@@ -19,9 +20,13 @@ from protocol.codec import decode, decode_pose, encode
 from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key
 from protocol.messages import HEARD_MAX, Command, Observation
-from protocol.real_time import MISSED, OVERHEARD, PASSED_OVER, STOPPED
+from protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
 
-BACKLOG_MAX = 16 * HEARD_MAX
+BACKLOG_MAX = 1024
+TOLD_MAX = 16_384
+"""What is heard and not known to be known; as long as there is no more room, nothing is heard."""
+TOLD_BYTES_MAX, TOLD_BYTES = 12 * 1024, 20
+"""What a command has room for, and what a thing heard takes at most besides its sender's name."""
 
 Outgoing = list[tuple[str, bytes]]
 
@@ -45,7 +50,12 @@ class RealTimeCore:
         self._waiting: list[tuple[int, Observation]] = []
         self._next_tick = setup.first_tick
         self._sequence = setup.first_tick
-        self._untold: list[tuple[str, int, int]] = []
+        # What is not known to be known, from number ``_known`` on; what each command told ends at.
+        self._untold: deque[tuple[str, int, int]] = deque()
+        self._known = 0
+        self._ends: dict[int, int] = {}
+        longest = max(len(name.encode()) for name in (*setup.team, ANSWERED, PASSED_OVER))
+        self._tells_max = min(HEARD_MAX, TOLD_BYTES_MAX // (TOLD_BYTES + longest))
         self._came_us = 0
         self._last: Command | None = None
 
@@ -82,6 +92,7 @@ class RealTimeCore:
                 )
             self._count(MISSED, observation.tick - self._next_tick)
             self._next_tick = observation.tick + 1
+            self._is_known(observation.answered)
             self._waiting.append((came_us, observation))
         else:
             self.core.receive(key, payload)
@@ -90,7 +101,7 @@ class RealTimeCore:
 
     def decide(self) -> Action | None:
         """Answer the newest observation; None if there is none, or it is refused."""
-        if not self._waiting:
+        if not self._waiting or len(self._untold) + len(self._waiting) > TOLD_MAX:
             return None
         waiting, self._waiting = self._waiting, []
         self._came_us, newest = waiting[-1]
@@ -98,19 +109,27 @@ class RealTimeCore:
         for _, observation in waiting:
             self._hearing.admit(observation.admitted)
         self._count(PASSED_OVER, len(waiting) - 1)
+        for came_us, observation in waiting[:-1]:
+            self._untold.append((PASSED_OVER, observation.tick, came_us))
         inbox = [packet for _, observation in waiting for packet in observation.inbox]
         if self._setup.radio == "direct":
             inbox += self._hearing.take(newest.tick)
         try:
-            return self.core.decide(replace(newest, inbox=tuple(inbox)))
+            action = self.core.decide(replace(newest, inbox=tuple(inbox)))
         except ProtocolError as error:
             self.core.refuse("observation", error)
             self._count(PASSED_OVER, 1)
+            self._untold.append((PASSED_OVER, newest.tick, self._came_us))
             return None
+        self._untold.append((ANSWERED, newest.tick, self._came_us))
+        return action
 
     def said(self, action: Action, now_us: int) -> Outgoing:
         """The messages that an action makes, sent at ``now_us`` by this robot's clock."""
-        told, self._untold = tuple(self._untold), []
+        told = tuple(islice(self._untold, self._tells_max))
+        self._ends[action.command.tick] = self._known + len(told)
+        if len(self._ends) > TOLD_MAX:
+            del self._ends[next(iter(self._ends))]
         self._last = replace(action.command, timing=(self._came_us, now_us, told))
         messages = [self._message("command", self._last)]
         if action.pose is not None:
@@ -124,15 +143,26 @@ class RealTimeCore:
         """No observation has come for ``quiet_s``: stand still and say so; once, then silence."""
         if self._last is None or self._last.mode == STOPPED:
             return []
-        timing = (self._came_us, now_us, ())
+        assert self._last.timing is not None, "commands by the clock have it"
+        # Whether this or the one before has come cannot be told apart: both tell the same.
+        timing = (self._came_us, now_us, self._last.timing[2])
         self._last = replace(
             self._last, step=(0.0, 0.0), mode=STOPPED, published=False, timing=timing
         )
         return [self._message("command", self._last)]
 
+    def _is_known(self, tick: int | None) -> None:
+        """The world has the command of that tick, so it knows what that told and all before."""
+        end = self._ends.get(-1 if tick is None else tick, 0)
+        while self._known < end:
+            self._untold.popleft()
+            self._known += 1
+        if end:
+            self._ends = {later: to for later, to in self._ends.items() if to > end}
+
     def _hear(self) -> None:
-        """Take in what peers have sent; a command tells of so many, the rest waits for the next."""
-        while self._backlog and len(self._untold) < HEARD_MAX:
+        """Take in what peers have sent, as far as there is room to tell of it."""
+        while self._backlog and len(self._untold) < TOLD_MAX:
             came_us, key, packet = self._backlog.popleft()
             try:
                 pose = decode_pose(packet, self.core.run)

@@ -1,16 +1,14 @@
 """Replay of runs by the clock: what each robot had when it decided, put together again.
 
 Lock-step needs the observations alone. Here a robot answers the newest one that it has, and hears
-its peers itself; but its commands say which packets it has heard since the last one, how many
-observations it has passed over and how many never came, and the world has recorded observations
-and packets. Fresh robots are given the same, by the tick and not by the clock, and must decide the
-same.
+its peers itself; but its commands say in which order it has heard packets, passed over observations
+and answered them (``protocol.real_time``), and the world has recorded observations and packets.
+Fresh robots are given the same, by the tick and not by the clock, and must decide the same.
 
-What cannot be put together is not guessed. If a command was lost on its way to the world, if some
-observations between two commands never came and others did, or if a robot has heard a packet that
-the world has not, then that robot is not checked from there on until it joins again, and the check
-says so. The order to stand still that a robot gives when no observation comes is a matter of the
-clock, and not checked.
+What cannot be put together is not guessed. If a robot has heard a packet that the world has not, it
+is not checked from there on until it joins again, and the check says so; nor are its last commands,
+if none that came tells of their observations. The order to stand still that a robot gives when no
+observation comes is a matter of the clock, and not checked.
 """
 
 from collections import defaultdict
@@ -22,7 +20,7 @@ from encircle.replaying import ReplayCheck
 from protocol.codec import decode
 from protocol.keys import robot_key
 from protocol.messages import Command, Pose
-from protocol.real_time import MISSED, PASSED_OVER, STOPPED
+from protocol.real_time import ANSWERED, PASSED_OVER, STOPPED
 from world.recording import Recording
 
 Packets = dict[tuple[str, int], bytes]
@@ -123,28 +121,28 @@ class _Check:
         if core.setup is None:
             self.differences.append((first, self._robot, "setup"))
             return
-        robot, before = RealTimeCore(core), first - 1
-        counted = {MISSED: 0, PASSED_OVER: 0}
-        for tick in ticks:
-            command = self._part.commands[tick]
-            now = {name: command.refused.get(name, 0) for name in counted}
-            since = {name: now[name] - counted[name] for name in counted}
-            self._tell(robot, range(before + 1, tick), since, tick)
-            self._hear(robot, command, tick)
-            self._observe(robot, tick)
-            self._compare(robot, tick)
-            before, counted = tick, now
-
-    def _tell(self, robot: RealTimeCore, between: range, since: dict[str, int], tick: int) -> None:
-        """The observations that were passed over since the last command."""
-        if since[MISSED] + since[PASSED_OVER] != len(between):
-            raise _Unknown(f"a command before tick {tick} is not recorded; not checked from there")
-        if since[MISSED] and since[PASSED_OVER]:
+        robot = RealTimeCore(core)
+        for sender, number, came_us in self._heard(ticks):
+            if sender not in (ANSWERED, PASSED_OVER):
+                self._hear(robot, sender, number, came_us)
+                continue
+            self._observe(robot, number)
+            if sender == ANSWERED:
+                self._decide(robot, number)
+                ticks = [tick for tick in ticks if tick != number]
+        if ticks:
             raise _Unknown(
-                f"which observations came before tick {tick} is not known; not checked from there"
+                f"what it had at tick {ticks[0]} is not recorded; not checked from there"
             )
-        for passed in between if since[PASSED_OVER] else ():
-            self._observe(robot, passed)
+
+    def _heard(self, ticks: list[int]) -> list[tuple[str, int, int]]:
+        """What the robot has heard, in that order, by its commands of these ticks."""
+        heard: dict[tuple[str, int], int] = {}
+        for tick in ticks:
+            timing = self._part.commands[tick].timing
+            for sender, number, came_us in timing[2] if timing else ():
+                heard.setdefault((sender, number), came_us)
+        return [(sender, number, us) for (sender, number), us in heard.items()]
 
     def _observe(self, robot: RealTimeCore, tick: int) -> None:
         observation = self._part.observations.get(tick)
@@ -152,28 +150,28 @@ class _Check:
             raise _Unknown(f"the observation of tick {tick} is not recorded")
         robot.take(0, robot_key(self._run, self._robot, "observation"), observation)
 
-    def _hear(self, robot: RealTimeCore, command: Command, tick: int) -> None:
-        for sender, sequence, came_us in command.timing[2] if command.timing else ():
-            packet = self._packets.get((sender, sequence))
-            if packet is None:
-                raise _Unknown(
-                    f"packet {sequence} of {sender}, heard by tick {tick}, did not reach the world;"
-                    " not checked from there"
-                )
-            robot.take(came_us, robot_key(self._run, sender, "pose"), packet)
+    def _hear(self, robot: RealTimeCore, sender: str, number: int, came_us: int) -> None:
+        packet = self._packets.get((sender, number))
+        if packet is None:
+            raise _Unknown(
+                f"packet {number} of {sender}, which it heard, did not reach the world;"
+                " not checked from there"
+            )
+        robot.take(came_us, robot_key(self._run, sender, "pose"), packet)
 
-    def _compare(self, robot: RealTimeCore, tick: int) -> None:
+    def _decide(self, robot: RealTimeCore, tick: int) -> None:
         action = robot.decide()
         if action is None:
             self.differences.append((tick, self._robot, "command"))
             return
         said = {key.rsplit("/", 1)[1]: payload for key, payload in robot.said(action, 0)}
-        mine, theirs = decode(Command, said["command"], self._run), self._part.commands[tick]
-        self.compared += 1
-        if _without_clock(mine) != _without_clock(theirs):
-            self.differences.append((tick, self._robot, "command"))
-        recorded = self._part.poses.get(tick)
+        mine, theirs = decode(Command, said["command"], self._run), self._part.commands.get(tick)
         # One that is not recorded was lost on its way to the world.
+        if theirs is not None:
+            self.compared += 1
+            if _without_clock(mine) != _without_clock(theirs):
+                self.differences.append((tick, self._robot, "command"))
+        recorded = self._part.poses.get(tick)
         if recorded is not None:
             self.compared += 1
             pose = decode(Pose, said["pose"], self._run) if "pose" in said else None

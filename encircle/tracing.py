@@ -3,7 +3,7 @@
 One row per packet and directed link, in the order of sending, with the columns that
 ``world.trace_files`` reads. Only the network's own doing is in it: what the modelled radio injected
 is not. Where robots did not hear each other but spoke through the world, a packet's way is the leg
-to the world and that of the next answered observation, without the wait for the tick in between.
+to the world and that of the next observation, without the wait for the tick in between.
 """
 
 import csv

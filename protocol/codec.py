@@ -31,7 +31,7 @@ BYTES_MAX: dict[type[Any], int] = {
     Setup: 64 * 1024,
     Observation: 4 * 1024 * 1024,
     Pose: 2048,
-    Command: 4 * 1024,
+    Command: 16 * 1024,
     End: 1024,
     State: 256 * 1024,
     Radio: 1024 * 1024,

@@ -185,13 +185,13 @@ def _timing(value: Any) -> Timing:
     if type(value) is not tuple or len(value) != 3 or type(value[2]) is not tuple:
         raise ValueError("two times in us and a list")
     if len(value[2]) > HEARD_MAX:
-        raise ValueError(f"at most {HEARD_MAX} poses heard")
+        raise ValueError(f"at most {HEARD_MAX} messages heard")
     return _count(value[0]), _count(value[1]), tuple([_heard(item) for item in value[2]])
 
 
 def _heard(value: Any) -> tuple[str, int, int]:
     if type(value) is not tuple or len(value) != 3:
-        raise ValueError("made of a robot's id, a sequence number and a time in us each")
+        raise ValueError("made of a sender, a number and a time in us each")
     return _text(value[0]), _count(value[1]), _count(value[2])
 
 
@@ -241,6 +241,7 @@ _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "lost": _texts,
     "sent_us": _optional(_count),
     "admitted": _optional(_many(_pair(_text, _count))),
+    "answered": _optional(_count),
     "timing": _optional(_timing),
     "radio": _radio,
     "first_tick": _count,

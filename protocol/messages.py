@@ -15,7 +15,7 @@ Timing: TypeAlias = tuple[int, int, tuple[tuple[str, int, int], ...]]
 QUANTA_PER_M = float(2**20)
 QUANTUM_M = 1.0 / QUANTA_PER_M
 RELAYED_MAX = 16
-HEARD_MAX = 64
+HEARD_MAX = 256
 RADIOS = ("world", "direct")
 
 
@@ -56,7 +56,8 @@ class Observation:
     robots whose liveliness tokens are gone. ``sent_us`` is the sender's clock (Unix time in us) in
     real time, None in lock-step, where no clock may show. ``admitted`` is the inbox by reference,
     where robots hear each other: the packets ``(sender, sequence)`` that the modelled radio lets
-    through at this tick, None if it lets everything through.
+    through at this tick, None if it lets everything through. ``answered`` is the tick of this
+    robot's newest command that has reached the world, in real time; None if there is none.
     """
 
     robot: str
@@ -70,6 +71,7 @@ class Observation:
     lost: tuple[str, ...] = ()
     sent_us: int | None = None
     admitted: tuple[tuple[str, int], ...] | None = None
+    answered: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +106,8 @@ class Command:
     and under ``late-detection`` how many detections came too late for its filter.
     ``published`` tells whether the robot sends its peers a pose at this tick; if not, the command
     alone is its answer. ``timing`` is None in lock-step, and in real time what the robot's clock
-    said: when the observation came, when this was sent, and when each pose came that it has heard
-    directly since its last command, as ``(sender, sequence, us)``.
+    said: when the observation came, when this was sent, and what came before, oldest first, as
+    ``(sender, number, us)``: poses heard directly, and observations (``protocol.real_time``).
     """
 
     robot: str

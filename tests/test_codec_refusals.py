@@ -107,6 +107,7 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
         "inbox": (*NOT_A_LIST, ["a"], [1], [None], [[b"a"]]),
         "lost": (*NOT_A_LIST, [1], [None], ["r1", b"r2"], ["r"] * 257),
         "sent_us": COUNT_OR_NONE,
+        "answered": COUNT_OR_NONE,
         "admitted": (
             1.0,
             "ab",
@@ -182,7 +183,7 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
             [1, 2, [["r2", -3, 4]]],
             [1, 2, [["r2", 3, 4.0]]],
             [1, 2, [["x" * 257, 3, 4]]],
-            [1, 2, [["r2", 3, 4]] * 65],
+            [1, 2, [["r2", 3, 4]] * 257],
         ),
     },
     End: {"robot": TEXT, "tick": COUNT, "reason": TEXT},

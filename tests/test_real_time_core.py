@@ -3,13 +3,15 @@
 from dataclasses import replace
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from agents.core import RobotCore
-from agents.real_time_core import BACKLOG_MAX, RealTimeCore
+from agents.real_time_core import BACKLOG_MAX, TOLD_MAX, RealTimeCore
 from protocol.codec import decode, encode
 from protocol.keys import robot_key
 from protocol.messages import HEARD_MAX, Command, Observation, Pose, Setup
-from protocol.real_time import MISSED, OVERHEARD, PASSED_OVER, STOPPED
+from protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
 
 RUN = "clocked"
 TEAM = ("r1", "r2", "r3")
@@ -98,14 +100,52 @@ def test_packets_are_numbered_one_by_one_and_carry_the_clock():
     assert sequences == [30, 31, 32]
 
 
-def test_commands_tell_when_what_came_and_each_packet_once():
+def test_commands_tell_what_came_when_until_the_world_has_one_that_told():
     core = robot()
     hear(core, packet("r2", 0, 0), came_us=5)
     hear(core, packet("r3", 0, 0), came_us=6)
     tell(core, observation(1), came_us=8)
-    assert answered(core, 12)[0].timing == (8, 12, (("r2", 0, 5), ("r3", 0, 6)))
+    first = (("r2", 0, 5), ("r3", 0, 6), (ANSWERED, 1, 8))
+    assert answered(core, 12)[0].timing == (8, 12, first)
     tell(core, observation(2), came_us=28)
-    assert answered(core, 30)[0].timing == (28, 30, ())
+    tell(core, observation(3), came_us=48)
+    second = ((PASSED_OVER, 2, 28), (ANSWERED, 3, 48))
+    assert answered(core, 50)[0].timing == (48, 50, (*first, *second))
+    tell(core, observation(4, answered=1), came_us=68)
+    third = ((ANSWERED, 4, 68),)
+    assert answered(core, 70)[0].timing == (68, 70, (*second, *third))
+    # That of tick 1 once more, a command that never was, and all that there was.
+    for tick, known in ((5, 1), (6, 2)):
+        tell(core, observation(tick, answered=known), came_us=80 + tick)
+        answered(core)
+    tell(core, observation(7, answered=6), came_us=99)
+    assert answered(core, 99)[0].timing == (99, 99, ((ANSWERED, 7, 99),))
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 3), st.booleans(), st.booleans()), min_size=1, max_size=40),
+    st.integers(1, 6),
+)
+def test_whatever_is_lost_what_has_come_tells_of_all_that_was_heard_before(rounds, room):
+    """Each round: so many packets heard, and whether the command, and news of it, gets through."""
+    core = robot()
+    core._tells_max = room
+    heard, known, has, number = [], [], None, 0
+    for tick, (packets, command_comes, news_comes) in enumerate(rounds, 1):
+        for _ in range(packets):
+            hear(core, packet("r2", number, 0), came_us=number)
+            heard.append(("r2", number, number))
+            number += 1
+        tell(core, observation(tick, answered=has if news_comes else None), came_us=tick)
+        heard.append((ANSWERED, tick, tick))
+        told = answered(core)[0].timing[2]
+        assert len(told) <= room
+        if command_comes:
+            has = tick
+            known += [one for one in told if one not in known]
+        # In order, without a gap.
+        assert known == heard[: len(known)]
 
 
 def test_what_is_heard_goes_into_the_plan_unless_the_radio_does_not_admit_it():
@@ -145,7 +185,7 @@ def test_packets_that_cannot_be_are_refused_and_counted(pose, key, cause):
     tell(core, observation(1))
     command, _ = answered(core)
     assert command.refused == {cause: 1, "malformed": 1}
-    assert command.timing[2] == ()
+    assert command.timing[2] == ((ANSWERED, 1, 50),)
     assert command.team == ("r1",)
 
 
@@ -155,9 +195,36 @@ def test_more_packets_than_a_command_can_tell_of_wait_for_the_next():
         hear(core, packet("r2", number, 0))
     told = []
     for tick in (1, 2):
-        tell(core, observation(tick))
+        tell(core, observation(tick, answered=tick - 1))
         told.append([number for _, number, _ in answered(core)[0].timing[2]])
-    assert told == [list(range(HEARD_MAX)), list(range(HEARD_MAX, HEARD_MAX + 5))]
+    assert told == [list(range(HEARD_MAX)), [*range(HEARD_MAX, HEARD_MAX + 5), 1, 2]]
+
+
+def test_as_long_as_there_is_no_room_to_tell_nothing_more_is_heard_or_answered():
+    core = robot()
+    for tick in range(TOLD_MAX):
+        tell(core, observation(tick))
+        answered(core)
+    hear(core, packet("r2", 0, 0))
+    tell(core, observation(TOLD_MAX))
+    assert core.decide() is None
+    tell(core, observation(TOLD_MAX + 1, answered=TOLD_MAX - 1))
+    told = answered(core)[0].timing[2]
+    assert told[0] == (ANSWERED, HEARD_MAX, 50)
+
+
+def test_however_long_its_peers_names_are_a_command_is_short_enough():
+    names = tuple(f"r{k}" + "x" * 200 for k in range(4))
+    core = RobotCore(names[0], RUN)
+    setup = replace(SETUP, robot=names[0], team=names)
+    core.receive(robot_key(RUN, names[0], "setup"), encode(setup, RUN))
+    timed = RealTimeCore(core)
+    for number in range(500):
+        for name in names[1:]:
+            hear(timed, packet(name, number, 0), came_us=2**53 - 1)
+    seen = replace(observation(1), robot=names[0])
+    timed.take(1, robot_key(RUN, names[0], "observation"), encode(seen, RUN))
+    assert len(answered(timed, 2**53 - 1)[0].timing[2]) > 50
 
 
 def test_a_flood_of_packets_is_bounded_and_counted():
@@ -179,7 +246,7 @@ def test_without_observations_it_stops_once_and_then_keeps_silent():
     assert key == robot_key(RUN, "r1", "command")
     assert (command.tick, command.step, command.mode) == (0, (0.0, 0.0), STOPPED)
     assert not command.published
-    assert command.timing == (3, 77, ())
+    assert command.timing == (3, 77, ((ANSWERED, 0, 3),))
     assert core.stop(99) == []
     tell(core, observation(9))
     assert answered(core)[0].mode != STOPPED

@@ -86,17 +86,27 @@ def test_what_cannot_be_put_together_is_said_and_the_rest_checked(tmp_path):
     assert {reason.split(":")[0] for reason in found.unchecked} == {"r1", "r3", "r4"}
 
 
-def test_a_lost_command_ends_the_check_of_its_robot_with_a_reason(tmp_path):
+@pytest.mark.parametrize("frozen_us", [{}, {"r1": (700_000, 860_000)}])
+def test_lost_commands_and_observations_are_no_trouble(tmp_path, frozen_us):
     def losing(sender, receiver, channel, number):
-        lost = (sender, channel, number) == ("r1", "command", 40)
+        lost = channel in ("command", "observation") and "r1" in (sender, receiver)
+        lost = lost and number % 7 in (3, 4)
         return None if lost else delays_us(sender, receiver, channel, number)
 
-    Simulated(by_clock(), losing, out=tmp_path).run()
+    Simulated(by_clock(*CHANNEL), losing, frozen_us=frozen_us, out=tmp_path).run()
     found = replay(tmp_path)
     assert found.same
-    assert found.unchecked == (
-        "r1: a command before tick 41 is not recorded; not checked from there",
-    )
+    assert found.unchecked == ()
+
+
+def test_a_command_of_which_none_tells_is_not_checked(tmp_path, monkeypatch):
+    """More is heard than commands have room for, and the run ends."""
+    monkeypatch.setattr("agents.real_time_core.HEARD_MAX", 2)
+    Simulated(by_clock("radio=direct"), delays_us, out=tmp_path).run()
+    found = replay(tmp_path)
+    assert found.differences == ()
+    assert len(found.unchecked) == 4
+    assert "what it had at tick" in found.unchecked[0]
 
 
 def test_a_bad_network_leads_to_gaps_and_not_to_false_differences(tmp_path):

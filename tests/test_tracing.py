@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers_real_time import Simulated, by_clock
 from rich.console import Console
-from test_transport import DRIFTS, OFFSETS_US, delays_us, lossy
+from test_transport import DRIFTS, OFFSETS_US, delays_us, lossier, lossy
 from typer.testing import CliRunner
 
 from encircle.cli import app
@@ -98,6 +98,21 @@ def test_a_run_through_the_world_has_the_way_there_and_on(tmp_path):
         down_us = delays_us("world", "r3", "observation", number + 1)
         assert row.lost == 0
         assert abs(row.delay_s - (up_us + down_us) / 1e6) < 0.004
+
+
+def test_with_an_observation_that_is_lost_go_the_packets_that_it_brings(tmp_path):
+    played = Simulated(by_clock(), lossier, OFFSETS_US, DRIFTS, out=tmp_path / "run")
+    played.run()
+    trace = trace_of(read_recording(tmp_path / "run"))
+    up, down = played.sent["r1", "world", "pose"], played.sent["world", "r3", "observation"]
+    rows = [row for row in trace.rows if (row.sender, row.receiver) == ("r1", "r3")]
+    assert len(rows) > 60
+    # Packets are sent in answer to the observations that came.
+    ticks = [
+        tick for tick, lost in enumerate(played.sent["world", "r1", "observation"]) if not lost
+    ]
+    truth = [up[k] or down[tick + 1] for k, tick in enumerate(ticks[: len(rows)])]
+    assert [bool(row.lost) for row in rows] == truth
 
 
 def test_without_good_clocks_the_losses_are_told_without_delays(tmp_path):

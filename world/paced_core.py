@@ -172,7 +172,16 @@ class PacedCore(WorldCore):
         if self.clock is not None:
             # The step has taken a while, which is no delay of the network.
             self._now_us = self.clock()
-        return [replace(o, sent_us=self._now_us, **self._radio_part(o)) for o in observations]
+        return [
+            replace(o, sent_us=self._now_us, answered=self._answered(o), **self._radio_part(o))
+            for o in observations
+        ]
+
+    def _answered(self, observation: Observation) -> int | None:
+        """The tick of the newest command that has come from the robot since its setup."""
+        stays, held = self.traffic.stays[observation.robot], self._held.get(observation.robot)
+        begun = stays[-1].first_tick if stays else 0
+        return held.tick if held is not None and held.tick >= begun else None
 
     def _radio_part(self, observation: Observation) -> dict[str, Any]:
         if not self._direct:

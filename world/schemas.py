@@ -50,6 +50,7 @@ _SHAPES: dict[str, dict[str, Any]] = {
     "lost": _list(_TEXT),
     "sent_us": {"type": ["integer", "null"]},
     "admitted": {"anyOf": [_REFERENCES, {"type": "null"}]},
+    "answered": {"type": ["integer", "null"]},
     "timing": {"anyOf": [_TIMING, {"type": "null"}]},
     "radio": _TEXT,
     "first_tick": _INTEGER,

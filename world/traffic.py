@@ -3,9 +3,10 @@
 The world writes it as a run by the clock goes on; the same is read back from a recording. Four
 times belong to each answered observation (``protocol.clocks``); what was lost is known from gaps.
 Packets of a robot are numbered one by one from the tick at which it joined, so a number left out is
-a packet lost. Commands say how many observations their robot has passed over or never had, so that
-a tick without a command is a command lost or one that was never given. A robot that joins again
-starts again: nothing is concluded across that.
+a packet lost. What a robot has heard itself, its commands tell until they are known to have come
+(``protocol.real_time``). They also say how many observations their robot has passed over or never
+had, so that a tick without a command is a command lost or one that was never given. A robot that
+joins again starts again: nothing is concluded across that.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from dataclasses import dataclass, field
 
 from protocol.clocks import Exchange
 from protocol.messages import Command, Pose, Radio
-from protocol.real_time import MISSED, PASSED_OVER, STOPPED
+from protocol.real_time import ANSWERED, MISSED, PASSED_OVER, STOPPED
 from world.causes import CAUSES
 
 ROWS_MAX = 1_000_000
@@ -25,8 +26,8 @@ class Stay:
     """One robot's time in the run, from a joining on.
 
     ``packets``: (tick, sent, came) by number; ``heard``: by sender, when each packet came that the
-    robot has heard itself, and the tick of the command that told of it; ``gaps``: ticks of the
-    commands before and after some that were lost, and what those told with them.
+    robot has heard itself; ``asked_us`` and ``arrived_us``: by tick, when each observation was sent
+    and came. Of ticks later than ``known_tick`` it is not known what the robot has heard.
     """
 
     first_tick: int
@@ -36,9 +37,10 @@ class Stay:
     missed: int = 0
     exchanges: list[Exchange] = field(default_factory=list)
     packets: dict[int, tuple[int, int, int]] = field(default_factory=dict)
-    heard: dict[str, dict[int, tuple[int, int]]] = field(default_factory=dict)
+    heard: dict[str, dict[int, int]] = field(default_factory=dict)
     asked_us: dict[int, int] = field(default_factory=dict)
-    gaps: list[tuple[int, int]] = field(default_factory=list)
+    arrived_us: dict[int, int] = field(default_factory=dict)
+    known_tick: int = -1
 
 
 @dataclass(slots=True)
@@ -76,30 +78,31 @@ class Traffic:
         """The world has sent an observation at a time by its clock."""
         if self.stays[robot] and not self._is_full(tick):
             self.stays[robot][-1].asked_us[tick] = sent_us
+            self._rows_left -= 1
 
     def answered(self, command: Command, came_us: int) -> None:
         """A command has come to the world."""
         stay = self._stay_at(command.robot, command.tick)
         if stay is None or command.timing is None or self._is_full(command.tick):
             return
+        heard_us, answered_us, told = command.timing
+        for sender, number, time_us in told:
+            about_world = sender in (ANSWERED, PASSED_OVER)
+            known = stay.arrived_us if about_world else stay.heard.setdefault(sender, {})
+            if number not in known:
+                known[number] = time_us
+                self._rows_left -= 1
+            if about_world:
+                stay.known_tick = max(stay.known_tick, number)
         if command.mode == STOPPED:
             return
-        heard_us, answered_us, heard = command.timing
-        passed_over, missed = (command.refused.get(name, 0) for name in (PASSED_OVER, MISSED))
-        before = stay.last_tick if stay.commands else stay.first_tick - 1
-        told = passed_over - stay.passed_over + missed - stay.missed
-        if command.tick - before - 1 > told:
-            stay.gaps.append((before, command.tick))
-        stay.last_tick, stay.passed_over, stay.missed = command.tick, passed_over, missed
+        stay.last_tick = command.tick
+        stay.passed_over, stay.missed = (command.refused.get(x, 0) for x in (PASSED_OVER, MISSED))
         stay.commands += 1
-        asked_us = stay.asked_us.pop(command.tick, None)
+        asked_us = stay.asked_us.get(command.tick)
         if asked_us is not None:
             stay.exchanges.append(Exchange(asked_us, heard_us, answered_us, came_us))
-        for old in [tick for tick in stay.asked_us if tick < command.tick]:
-            del stay.asked_us[old]
-        for sender, number, time_us in heard:
-            stay.heard.setdefault(sender, {}).setdefault(number, (time_us, command.tick))
-        self._rows_left -= 1 + len(heard)
+        self._rows_left -= 1
 
     def packet(self, pose: Pose, came_us: int) -> None:
         """A packet has come to the world."""

@@ -4,12 +4,11 @@ Two things are kept apart. *Injected* is what the modelled radio was told to do:
 *Actual* is what the network under it did: loss, from gaps in numbering, and one-way delay.
 
 Links. The world sends observations to a robot, which sends commands and packets to the world; where
-robots hear each other, each directed pair is a link too, as its receiver tells of it. A pair's
-packets are counted from the first that the receiver has heard (a subscription takes a moment), and
-neither those that may still come (sent less than ``SETTLE_S`` before the receiver's last command,
-and not heard) nor those of which a lost command of the receiver may have told: that is, by the
-shortest and longest time from a packet's tick to its being told of, whether or not another command
-tells of them. Counting those alone that are known to have arrived would make the loss too small.
+robots hear each other, each directed pair is a link too, as its receiver tells of it. What a
+robot has heard is known up to an observation of which it has told, however many commands were lost
+before. A pair's packets are counted from the first that the receiver has heard (a subscription
+takes a moment), but for those that may still come: sent less than ``SETTLE_S`` before that
+observation, and not heard.
 
 Delay. A one-way delay compares two clocks, so it is as good as what is known of their difference
 (``protocol.clocks``); every figure stands with that bound. It is refused where the bound is larger
@@ -18,7 +17,7 @@ taken. It is refused too where a clock was set anew in mid-run.
 """
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any, NamedTuple
@@ -51,7 +50,7 @@ class Link:
     """What the network did to one sort of message from one party to another.
 
     ``unknown``: how many more were sent of which it is not known whether they came, as far as that
-    can be counted: observations after the last that a robot answered. Delays in s; with
+    can be counted: observations after the last of which a robot has told. Delays in s; with
     ``delay_refused``, the reason, they are None. ``delay_s_error``: the bound on the error of each,
     as the median over the messages.
     """
@@ -92,10 +91,7 @@ def links_of(traffic: Traffic) -> list[Link]:
             if sender != receiver and traffic.direct:
                 ways = ways_of(traffic, sender, receiver, offsets)
                 broken = unsteady(sender, offsets) or unsteady(receiver, offsets)
-                lost = sum(way.lost for way in ways)
-                found.append(
-                    _link((sender, receiver, "pose"), len(ways), lost, ways, traffic, broken)
-                )
+                found.append(_link((sender, receiver, "pose"), ways, traffic, broken))
     return found
 
 
@@ -123,17 +119,17 @@ def ways_of(traffic: Traffic, sender: str, receiver: str, offsets: dict[str, Off
                 elif sent is None:
                     ways.append(Way(number, False, None, 0.0))
                 else:
-                    at = offsets[sender].of_remote(sent[1]), offsets[receiver].of_remote(heard[0])
-                    ways.append(_way(number, heard[0] - sent[1], at))
+                    at = offsets[sender].of_remote(sent[1]), offsets[receiver].of_remote(heard)
+                    ways.append(_way(number, heard - sent[1], at))
     return ways
 
 
 def _ways_through_world(
     traffic: Traffic, sender: str, receiver: str, offsets: dict[str, Offsets]
 ) -> list[Way]:
-    """The legs of each packet to the world and of the next answered observation, together."""
-    exchanges = sorted(x for stay in traffic.stays[receiver] for x in stay.exchanges)
-    asked_us = [exchange.asked_us for exchange in exchanges]
+    """The legs of each packet to the world and of the next observation, together."""
+    asked = [(us, tick, stay) for stay in traffic.stays[receiver] for tick, us in _known(stay)]
+    asked_us = [us for us, _, _ in asked]
     ways: list[Way] = []
     for stay in traffic.stays[sender]:
         for number in _numbers(stay, ()):
@@ -142,13 +138,16 @@ def _ways_through_world(
                 continue
             _, sent_us, came_us = stay.packets[number]
             place = bisect_right(asked_us, came_us)
-            if place == len(exchanges):
-                # The run ended before anyone was told.
+            if place == len(asked):
+                # Whether the robot was told of it is not known.
                 continue
-            after = exchanges[place]
-            at = offsets[sender].at(came_us), offsets[receiver].at(after.came_us)
-            waited_us = after.asked_us - came_us
-            ways.append(_way(number, after.heard_us - sent_us - waited_us, at))
+            on_us, tick, here = asked[place]
+            heard_us = here.arrived_us.get(tick)
+            if heard_us is None:
+                ways.append(Way(number, True, None, 0.0))
+                continue
+            at = offsets[sender].at(came_us), offsets[receiver].of_remote(heard_us)
+            ways.append(_way(number, heard_us - sent_us - (on_us - came_us), at))
     return ways
 
 
@@ -188,15 +187,20 @@ def clock(robot: str, offsets: Offsets) -> dict[str, Any]:
 def _legs(traffic: Traffic, robot: str, offsets: Offsets) -> list[Link]:
     """Observations to a robot, commands and packets from it."""
     down, up, packets = [], [], []
-    asked = missed = given = got = unknown = 0
+    given = got = unknown = 0
     for stay in traffic.stays[robot]:
+        asked = _known(stay)
+        unknown += len(stay.asked_us) - len(asked)
+        for tick, asked_us in asked:
+            heard_us = stay.arrived_us.get(tick)
+            if heard_us is None:
+                down.append(Way(0, True, None, 0.0))
+            else:
+                down.append(_way(0, heard_us - asked_us, (HERE, offsets.of_remote(heard_us))))
         answered = max(0, stay.last_tick - stay.first_tick + 1)
-        asked, missed = asked + answered, missed + stay.missed
-        unknown += len(stay.asked_us)
         given, got = given + answered - stay.missed - stay.passed_over, got + stay.commands
         for exchange in stay.exchanges:
             offset = offsets.at(exchange.came_us)
-            down.append(_way(0, exchange.heard_us - exchange.asked_us, (HERE, offset)))
             up.append(_way(0, exchange.came_us - exchange.answered_us, (offset, HERE)))
         for number in _numbers(stay, ()):
             if number not in stay.packets:
@@ -206,12 +210,12 @@ def _legs(traffic: Traffic, robot: str, offsets: Offsets) -> list[Link]:
             offset = offsets.at(came_us)
             packets.append(_way(number, came_us - sent_us, (offset, HERE)))
     broken = unsteady(robot, {robot: offsets})
-    lost = sum(way.lost for way in packets)
-    observations = _link((WORLD, robot, "observation"), asked, missed, down, traffic, broken)
+    observations = _link((WORLD, robot, "observation"), down, traffic, broken)
+    commands = _link((robot, WORLD, "command"), up, traffic, broken)
     return [
         replace(observations, unknown=unknown),
-        _link((robot, WORLD, "command"), given, max(0, given - got), up, traffic, broken),
-        _link((robot, WORLD, "pose"), len(packets), lost, packets, traffic, broken),
+        replace(commands, sent=given, lost=max(0, given - got)),
+        _link((robot, WORLD, "pose"), packets, traffic, broken),
     ]
 
 
@@ -225,13 +229,9 @@ def _way(number: int, apart_us: float, clocks: tuple[Offset | None, Offset | Non
 
 
 def _link(
-    name: tuple[str, str, str],
-    sent: int,
-    lost: int,
-    ways: Sequence[Way],
-    traffic: Traffic,
-    broken: str | None,
+    name: tuple[str, str, str], ways: Sequence[Way], traffic: Traffic, broken: str | None
 ) -> Link:
+    sent, lost = len(ways), sum(way.lost for way in ways)
     known = [way for way in ways if way.delay_us is not None]
     error_us = median([way.error_us for way in known]) if known else None
     refused = broken or delay_refusal(error_us, traffic.tick_s)
@@ -272,47 +272,33 @@ def _sent_during(
     """Numbers of the packets from ``there`` that count for a receiver's stay."""
     later = [s.first_tick for s in traffic.stays[sender] if s.first_tick > there.first_tick]
     end = min(later, default=None)
-    heard = {
-        number: told_tick
-        for number, (_, told_tick) in here.heard.get(sender, {}).items()
+    heard = [
+        number
+        for number in here.heard.get(sender, {})
         if number >= there.first_tick and (end is None or number < end)
-    }
-    if here.last_tick < 0:
+    ]
+    if here.known_tick < 0:
         return []
     found, first, last = [], min(heard, default=-1), max(heard, default=-1)
-    unknown = _untold(there, heard, here.gaps)
-    for number, earliest, latest in _ticks_of(there, tuple(heard), here.last_tick):
-        if heard and number < first:
-            continue
-        settled = number <= last or earliest <= here.last_tick - settle_ticks
-        told = not any(earliest <= b and latest >= a for a, b in unknown)
-        if settled and told and earliest >= here.first_tick:
+    for number, earliest in _earliest_ticks(there, heard):
+        settled = number <= last or earliest <= here.known_tick - settle_ticks
+        if number >= first and settled and earliest >= here.first_tick:
             found.append(number)
     return found
 
 
-def _untold(
-    there: Stay, heard: Mapping[int, int], gaps: Sequence[tuple[int, int]]
-) -> list[tuple[int, int]]:
-    """The first and last ticks of packets of which the commands lost in each gap may have told."""
-    after = [tick - there.packets[n][0] for n, tick in heard.items() if n in there.packets]
-    shortest, longest = min(after, default=0), max(after, default=1)
-    return [(before + 1 - longest, behind - 1 - shortest) for before, behind in gaps]
+def _known(stay: Stay) -> list[tuple[int, int]]:
+    """Tick and time of each observation of which it is known whether it came."""
+    return [(tick, us) for tick, us in stay.asked_us.items() if tick <= stay.known_tick]
 
 
-def _ticks_of(stay: Stay, heard: Sequence[int], last_tick: int) -> list[tuple[int, int, int]]:
-    """Each packet's number, and from when to when it can have been sent, in ticks.
+def _earliest_ticks(stay: Stay, heard: Sequence[int]) -> list[tuple[int, int]]:
+    """Each packet's number, and the tick at which it can have been sent at the earliest.
 
     The world knows the ticks of those that have reached it; the others are in between.
     """
-    numbers = _numbers(stay, heard)
-    earliest, latest = [], []
-    tick = stay.first_tick - 1
-    for number in numbers:
+    found, tick = [], stay.first_tick - 1
+    for number in _numbers(stay, heard):
         tick = stay.packets[number][0] if number in stay.packets else tick + 1
-        earliest.append(tick)
-    tick = last_tick + 1
-    for number in reversed(numbers):
-        tick = stay.packets[number][0] if number in stay.packets else tick - 1
-        latest.append(tick)
-    return list(zip(numbers, earliest, reversed(latest), strict=True))
+        found.append((number, tick))
+    return found
