@@ -122,8 +122,7 @@ class _Supervisor:
                 f"{self._world} is gone: standing still,"
                 f" waiting up to {self._world_s_max:g} s for it"
             )
-            said = f"{self._world} is gone, and was not back within {self._world_s_max:g} s"
-            self._begin_wait(self._world_s_max, partial(self.stop, said))
+            self._begin_wait(self._world_s_max, self._not_back)
 
     def end_wait(self) -> None:
         """Wait for nothing any more."""
@@ -134,11 +133,23 @@ class _Supervisor:
         self.end_wait()
         self._wait = self._loop.call_later(s_max, then)
 
-    def _not_taken_in(self, heard: int) -> None:
+    def _not_back(self) -> None:
+        if not self._was_not_understood():
+            self.stop(f"{self._world} is gone, and was not back within {self._world_s_max:g} s")
+
+    def _was_not_understood(self) -> bool:
+        """Whether nothing came of this life for the world's version; ends it if so."""
         life = self._life
         if life.core.role is None and life.other_version:
             self.stop(f"{self._world} speaks another version: {life.other_version}")
-        elif life.heard == heard and not life.idle:
+            return True
+        return False
+
+    def _not_taken_in(self, heard: int) -> None:
+        life = self._life
+        if self._was_not_understood():
+            return
+        if life.heard == heard and not life.idle:
             self.stop(
                 f"{self._world} did not take this robot in within {self._join_s_max:g} s:"
                 " is there one, and does it say why?"

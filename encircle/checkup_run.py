@@ -235,6 +235,6 @@ def _overheard(session: Any, there: Mapping[str, list[str]], silent: list[str]) 
             said = f"{name} speaks version {VERSION} of the wire and says no more of itself"
             found.append(Finding("versions", "ok", said))
         else:
-            said = f"{name} says nothing of itself: of other make, or an older version"
-            found.append(Finding("versions", "note", said, "see there which version it is"))
+            said = f"{name} says nothing of itself: frozen, of other make, or of an older version"
+            found.append(Finding("versions", "note", said, "see there which of these it is"))
     return found

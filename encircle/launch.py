@@ -22,6 +22,7 @@ from world.scenario import ScenarioError
 
 STOP_S_MAX = 3.0
 SILENCE_S_MAX = 6.0
+HELD_S = 1.0
 BAD_CONFIGURATION = 2
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """A robot's matrices are tiny; a pool of idle threads in every process only costs memory."""
@@ -74,6 +75,7 @@ class _Launch:
         self.errors: dict[str, list[str]] = {}
         self.interrupted = ""
         self.failed: list[str] = []
+        self.held_s: dict[str, float] = {}
         self.begun = False
         self.silent = False
         self.heard_s = 0.0
@@ -131,9 +133,10 @@ class _Launch:
                 or (not self.begun and any(map(self._has_ended, self.processes)))
             )
             silence_s = time.monotonic() - self.heard_s if self.begun else 0.0
+            s_max = max(0.0, SILENCE_S_MAX - silence_s)
             done, waiting = await asyncio.wait(
                 waiting,
-                timeout=STOP_S_MAX if ending else max(0.0, SILENCE_S_MAX - silence_s),
+                timeout=STOP_S_MAX if ending else min(s_max, HELD_S) if self.held_s else s_max,
                 return_when=asyncio.FIRST_COMPLETED,
             )
             if ending and not done:
@@ -153,12 +156,20 @@ class _Launch:
         return self.processes[name].returncode is not None
 
     def _look_at_ends(self) -> None:
-        """Note who failed first, and say how robots have ended in mid-run."""
+        """Note who failed first, and say how robots have ended in mid-run.
+
+        That is, when the world is still there after a moment: it may have told them to.
+        """
+        now_s = time.monotonic()
         for name, process in self.processes.items():
             if process.returncode and name not in self.failed:
                 self.failed.append(name)
-                if self.begun and not self._has_ended("world") and not self.interrupted:
-                    self.report({"log": f"robot {name} {_how_ended(process.returncode)}"})
+                self.held_s[name] = now_s
+        if not self.begun or self._has_ended("world") or self.interrupted:
+            self.held_s.clear()
+        for name in [name for name, at_s in self.held_s.items() if now_s - at_s >= HELD_S]:
+            del self.held_s[name]
+            self.report({"log": f"robot {name} {_how_ended(self.processes[name].returncode)}"})
 
     async def _read_reports(self) -> None:
         stream = self.processes["world"].stdout

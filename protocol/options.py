@@ -31,11 +31,18 @@ class _Setting(NamedTuple):
     joins: bool
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line; ``--help`` has the rest."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: error: {message}\n")
+
+
 class Options:
     """The options of one command."""
 
     def __init__(self, program: str, description: str) -> None:
-        self._parser = argparse.ArgumentParser(
+        self._parser = _Parser(
             prog=program,
             description=description,
             epilog="An environment variable in brackets stands in for an option that is left out.",

@@ -10,6 +10,7 @@ through a callback on one of Zenoh's threads, which only hands it over.
 
 import contextlib
 import queue
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,9 +18,9 @@ from typing import Any, NamedTuple
 
 import zenoh
 
-from protocol.about import replier
-from protocol.access import Access, LinkError
-from protocol.errors import LinkClosed
+from protocol.about import About, read, replier
+from protocol.access import BY_HOST_AND_PORT, Access, LinkError, host_and_port
+from protocol.errors import LinkClosed, ProtocolError
 from protocol.mailbox import now_us
 from protocol.zenoh_config import configuration, in_one_line
 
@@ -158,6 +159,13 @@ class ZenohLink:
     def tell_about(self, key: str, party: str) -> None:
         """Answer whoever asks what this party is, which versions it has, what its clock shows."""
         self._watchers.append(answer(self._session, key, replier(party, now_us)))
+
+    def ask_about(self, key: str, s_max: float) -> About | None:
+        """What a party says of itself on a key; None if nothing comes that can be understood."""
+        with contextlib.suppress(ProtocolError, zenoh.ZError):  # such as: closed meanwhile
+            said = ask(self._session, key, s_max)
+            return None if said is None else read(said.payload)
+        return None
 
     def close(self) -> None:
         """Close the session and wake whoever waits in ``receive``; may be called twice.
@@ -329,4 +337,16 @@ def open_session(access: Access) -> zenoh.Session:
         connecting = "connect to" in reason
         doing = "connect to" if connecting else "listen on"
         where = ", ".join(access.connect if connecting else access.listen) or access
+        unknown = [e for e in access.connect if connecting and not _is_known(e)]
+        if unknown:
+            reason = f"no address is known for the host of {', '.join(unknown)}"
         raise LinkError(f"cannot {doing} {where}: {reason}") from None
+
+
+def _is_known(endpoint: str) -> bool:
+    """Whether an endpoint's host, a name or an address already, can be turned into an address."""
+    if endpoint.partition("/")[0] not in BY_HOST_AND_PORT:
+        return True
+    with contextlib.suppress(OSError, UnicodeError):
+        return bool(socket.getaddrinfo(*host_and_port(endpoint)))
+    return False

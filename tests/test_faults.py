@@ -253,18 +253,27 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_a_robot_that_speaks_another_version_says_which_and_the_run_goes_on_without_it(hunt):
+@pytest.mark.parametrize("world_goes", [False, True])
+def test_a_robot_that_speaks_another_version_says_which_and_the_run_goes_on_without_it(
+    hunt, world_goes
+):
     hunt.start_world()
     for robot in ROBOTS[1:]:
         hunt.start_robot(robot)
-    options = ("--connect", hunt.endpoint, "--join-timeout", "3")
+    waits = ("--world-timeout", "0.5") if world_goes else ("--join-timeout", "3")
+    options = ("--connect", hunt.endpoint, *waits)
     odd = hunt.start_as("r1", "-c", OTHER_VERSION, "r1", *options)
     hunt.wait_for(lambda seen: seen == [("r1", f"lost: no answer for {ANSWER_S} s")])
+    mismatch = f"robot r1 speaks version 99 of the wire, this is {VERSION}"
+    hunt.world.wait_until(lambda world: mismatch in world.said)
+    if world_goes:
+        hunt.world.kill()
     assert odd.end() == 1
     last = odd.said.splitlines()[-1]
     assert last.startswith(f"robot r1: the world of run faulty at {hunt.endpoint} speaks another")
     assert f"has version {VERSION}, this program speaks 99" in last
-    hunt.wait_for_ticks()
+    if not world_goes:
+        hunt.wait_for_ticks()
 
 
 DEAF = """
@@ -385,6 +394,7 @@ def test_a_full_disk_ends_the_run_with_one_line_and_leaves_a_recording_to_go_on_
     reason = f"cannot record to {out / 'recording.mcap'}: File too large"
     assert [line.split("; ")[0] for line in failed] == [f"encircle: the run failed: {reason}"]
     assert "Traceback" not in done.stderr
+    assert "ended with status" not in done.stderr
     check = replay(out)
     assert check.same
     assert not check.complete

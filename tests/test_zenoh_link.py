@@ -230,6 +230,14 @@ def test_connecting_where_nobody_listens_fails_and_names_the_endpoint(endpoint):
         ZenohLink(connecting_to(endpoint, 0.5), "t/**")
 
 
+def test_connecting_to_a_host_that_is_not_known_says_so():
+    where = "tcp/nowhere.invalid:7447"
+    with pytest.raises(LinkError) as refused:
+        ZenohLink(connecting_to(where, 0.3), "t/**")
+    said = f"cannot connect to {where}: no address is known for the host of {where}"
+    assert str(refused.value) == said
+
+
 def test_listening_where_somebody_else_does_fails_and_names_the_endpoint(closing):
     taken = closing.enter_context(socket.socket())
     taken.bind(("127.0.0.1", 0))

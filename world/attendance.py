@@ -17,6 +17,8 @@ from protocol.messages import Command
 from world.core import Outgoing, WorldCore
 from world.result import END, GO_ON
 
+NO_ANSWER = "no answer"
+
 
 class RunEnded(Exception):
     """The run cannot go on; the message says why."""
@@ -87,7 +89,7 @@ class Attendance:
         lasted = f"for {answer_s_max:g} s"
         said = f"no answer from {', '.join(names)} {lasted}"
         self._owed |= {robot: self._core.asked_anew(robot) for robot in names}
-        return self._lose(names, f"no answer {lasted}", said)
+        return self._lose(names, f"{NO_ANSWER} {lasted}", said)
 
     def reminders(self) -> Outgoing:
         """What those that fell silent and are still there are asked anew."""

@@ -55,7 +55,7 @@ async def run_world(
         link = await asyncio.to_thread(ZenohLink, access, robot_key(run, "*", "*"), check)
     except (RunDirectoryError, LinkError) as error:
         say_error(f"world: {error}")
-        return 1
+        return 2 if isinstance(error, RunDirectoryError) else 1
     try:
         server = Server(core, link, terms, resumed)
         recorder = _recorder(out, arena, run, resumed)

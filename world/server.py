@@ -20,11 +20,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from protocol import VERSION
 from protocol.errors import LinkClosed, ProtocolError
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.links import Link
 from protocol.zenoh_link import ZenohLink
-from world.attendance import Attendance, RunEnded
+from world.attendance import NO_ANSWER, Attendance, RunEnded
 from world.core import Outgoing, WorldCore
 from world.paced import run_by_clock
 from world.paced_core import PacedCore
@@ -40,6 +41,7 @@ WATCH_PERIOD_S = 0.1
 EARLY_PERIOD_S, EARLY_MAX = 0.02, 4096
 WATCHED_S_MAX = 0.5
 """How much of the time between two looks counts as waiting, for this world may have been frozen."""
+ABOUT_S_MAX = 0.5
 FAILED = "failed: "
 
 
@@ -94,6 +96,7 @@ class Server:
         # Who takes up a run has all of it to remember before the first answer.
         self._taken_up_tick = core.state.tick if resumed else None
         self._told = len(core.departures)
+        self._asking: dict[str, asyncio.Task[None]] = {}
         self._lock = threading.Lock()
         self._loop = asyncio.get_running_loop()
         self._trouble: asyncio.Future[str] = self._loop.create_future()
@@ -259,6 +262,17 @@ class Server:
             self._told += 1
             say({"departure": [tick, robot, what]})
             say_error(f"world: tick {tick}: robot {robot} is {what}")
+            if NO_ANSWER in what:
+                self._asking[robot] = asyncio.create_task(asyncio.to_thread(self._explain, robot))
+
+    def _explain(self, robot: str) -> None:
+        """Say so if a robot that does not answer speaks another version."""
+        about = self.link.ask_about(robot_key(self.core.run, robot, "about"), ABOUT_S_MAX)
+        if about is not None and about.wire != VERSION:
+            say_error(
+                f"world: robot {robot} speaks version {about.wire} of the wire, this is {VERSION}:"
+                " install the same Encircle on every host"
+            )
 
     @property
     def _fixed(self) -> int:
