@@ -160,6 +160,15 @@ class ZenohLink:
         """Answer whoever asks what this party is, which versions it has, what its clock shows."""
         self._watchers.append(answer(self._session, key, replier(party, now_us)))
 
+    def flush(self, expression: str, s_max: float) -> None:
+        """Wait until the parties that tell about themselves on such keys have had what was sent.
+
+        At most for ``s_max`` s: one that is frozen never answers.
+        """
+        # A question takes the same way as what was sent before it, and cannot overtake that.
+        with contextlib.suppress(zenoh.ZError):
+            list(self._session.get(expression, timeout=s_max))
+
     def ask_about(self, key: str, s_max: float) -> About | None:
         """What a party says of itself on a key; None if nothing comes that can be understood."""
         with contextlib.suppress(ProtocolError, zenoh.ZError):  # such as: closed meanwhile
@@ -170,8 +179,7 @@ class ZenohLink:
     def close(self) -> None:
         """Close the session and wake whoever waits in ``receive``; may be called twice.
 
-        What was sent before goes out first; of what the other side is slow to take, the end may be
-        lost all the same.
+        On a loaded machine what was sent last may get lost with that: ``flush`` before.
         """
         with self._closing:
             self._closed.set()

@@ -178,8 +178,8 @@ def flood(hunt):
             sent += 1
             over = sent % LOOK_EVERY == 0 and hunt.look()
             if over or sent == SMALL or time.monotonic() - begun > FLOOD_S_MAX:
-                # Its answer comes after all that was sent: to close before would lose the end.
-                list(link.session.get(world_key(RUN, "about"), timeout=ANSWER_S_MAX))
+                # To close before that would lose the end.
+                link.flush(world_key(RUN, "about"), ANSWER_S_MAX)
                 return keys
     finally:
         link.close()

@@ -175,11 +175,13 @@ def test_closing_wakes_who_waits(pair):
             waiting.result(timeout=WAIT_S_MAX)
 
 
-def test_what_was_sent_before_closing_still_arrives(pair):
+def test_what_was_sent_and_flushed_arrives_though_the_link_is_closed(pair):
     listener, connected = pair
+    listener.tell_about("t/listener/about", "listener")
     payloads = [bytes([k]) * 1000 for k in range(100)]
     for payload in payloads:
         connected.send("t/1", payload)
+    connected.flush("t/*/about", WAIT_S_MAX)
     connected.close()
     assert received(listener, 100) == [("t/1", payload) for payload in payloads]
 

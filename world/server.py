@@ -42,6 +42,7 @@ EARLY_PERIOD_S, EARLY_MAX = 0.02, 4096
 WATCHED_S_MAX = 0.5
 """How much of the time between two looks counts as waiting, for this world may have been frozen."""
 ABOUT_S_MAX = 0.5
+TOLD_S_MAX = 1.0
 FAILED = "failed: "
 
 
@@ -128,6 +129,7 @@ class Server:
         everyone.cancel()
         if self.core.ended is None:
             self._tell_failure()
+            await self._until_told()
         return self.core.ended or ""
 
     def stop(self, reason: str) -> None:
@@ -161,6 +163,11 @@ class Server:
         with contextlib.suppress(LinkClosed), self._lock:
             send(self.link, self.core.fail(self._trouble.result()))
 
+    async def _until_told(self) -> None:
+        """See to it that the robots learn of the end before the link is closed."""
+        about = robot_key(self.core.run, "*", "about")
+        await asyncio.to_thread(self.link.flush, about, TOLD_S_MAX)
+
     async def _hunt(self) -> None:
         # What was imported stays for good: collecting garbage need not look at it again and again.
         gc.freeze()
@@ -176,6 +183,7 @@ class Server:
         over.cancel()
         if self._trouble.done() and self.core.ended is None:
             self._tell_failure()
+        await self._until_told()
         if not rounds.done():
             await asyncio.to_thread(self.link.close)
         await rounds
