@@ -158,16 +158,17 @@ class _Launch:
     def _look_at_ends(self) -> None:
         """Note who failed first, and say how robots have ended in mid-run.
 
-        That is, when the world is still there after a moment: it may have told them to.
+        Of one that was not killed, when the world is still there after a moment: it may have told
+        it to.
         """
         now_s = time.monotonic()
         for name, process in self.processes.items():
             if process.returncode and name not in self.failed:
                 self.failed.append(name)
-                self.held_s[name] = now_s
+                self.held_s[name] = now_s + HELD_S * (process.returncode > 0)
         if not self.begun or self._has_ended("world") or self.interrupted:
             self.held_s.clear()
-        for name in [name for name, at_s in self.held_s.items() if now_s - at_s >= HELD_S]:
+        for name in [name for name, due_s in self.held_s.items() if now_s >= due_s]:
             del self.held_s[name]
             self.report({"log": f"robot {name} {_how_ended(self.processes[name].returncode)}"})
 

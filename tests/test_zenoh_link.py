@@ -179,11 +179,12 @@ def test_what_was_sent_and_flushed_arrives_though_the_link_is_closed(pair):
     listener, connected = pair
     listener.tell_about("t/listener/about", "listener")
     payloads = [bytes([k]) * 1000 for k in range(100)]
+    taken = in_thread(received, listener, 100)
     for payload in payloads:
         connected.send("t/1", payload)
     connected.flush("t/*/about", WAIT_S_MAX)
     connected.close()
-    assert received(listener, 100) == [("t/1", payload) for payload in payloads]
+    assert taken.result(timeout=WAIT_S_MAX) == [("t/1", payload) for payload in payloads]
 
 
 def test_a_link_whose_inbox_is_full_and_that_is_sent_still_more_closes(pair):
