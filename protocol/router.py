@@ -67,8 +67,8 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
             refusals_told("router", found.count_refusals),
             open_session(where) as session,
         ):
-            told = f"listening on {where}" if where.listen else f"listening on the endpoints of {where}"
-            print(f"router: {said or told}", file=sys.stderr, flush=True)
+            of = "" if where.listen else "the endpoints of "
+            print(f"router: {said or f'listening on {of}{where}'}", file=sys.stderr, flush=True)
             _kept = answer(session, ROUTER_KEY, replier("router", now_us))
             _route(session, found.for_run, changes)
     except AccessError as error:
