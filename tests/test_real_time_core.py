@@ -7,13 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.core import RobotCore
-from agents.real_time_core import BACKLOG_MAX, TOLD_MAX, RealTimeCore
+from agents.real_time_core import BACKLOG_MAX, RealTimeCore
 from protocol.codec import decode, encode
 from protocol.keys import robot_key
 from protocol.messages import HEARD_MAX, Command, Observation, Pose, Setup
 from protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
 
 RUN = "clocked"
+TOLD_MAX = 2 * HEARD_MAX
 TEAM = ("r1", "r2", "r3")
 SETUP = Setup("r1", TEAM, 0.02, "xi-star", {}, "direct")
 
@@ -200,7 +201,8 @@ def test_more_packets_than_a_command_can_tell_of_wait_for_the_next():
     assert told == [list(range(HEARD_MAX)), [*range(HEARD_MAX, HEARD_MAX + 5), 1, 2]]
 
 
-def test_as_long_as_there_is_no_room_to_tell_nothing_more_is_heard_or_answered():
+def test_as_long_as_there_is_no_room_to_tell_nothing_more_is_heard_or_answered(monkeypatch):
+    monkeypatch.setattr("agents.real_time_core.TOLD_MAX", TOLD_MAX)
     core = robot()
     for tick in range(TOLD_MAX):
         tell(core, observation(tick))

@@ -252,7 +252,7 @@ def test_mean_of_too_few_or_equal_values():
 def test_mean_covers_less_if_the_values_are_skewed():
     # Of 40 values BCa covers less than 95 %: 94 % if they are normal, 92 % if exponential.
     rng = np.random.default_rng(3)
-    studies = range(600)
+    studies = range(300)
     normal = [holds(statistics.mean(rng.normal(size=40)), 0.0) for _ in studies]
     skewed = [holds(statistics.mean(rng.exponential(size=40)), 1.0) for _ in studies]
     assert_covers(normal, 0.93, 0.945)
@@ -480,7 +480,7 @@ def test_tolerance_covers(rates, rate, truth, least, most):
         found = statistics.tolerance(levels, easy < np.array(rates)[:, None], rate, resamples=500)
         return holds(found, truth)
 
-    assert_covers((study() for _ in range(400)), least, most)
+    assert_covers((study() for _ in range(200)), least, most)
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def reference(tmp_path_factory):
 
 LONG_STUDY = f"""
 scenario = "sim1"
-seeds = 20
+seeds = 10
 set = {{ ticks_max = {LONG_TICKS}, "channel.loss.model" = "bernoulli" }}
 axes = [{{ name = "loss", key = "channel.loss.rate", values = [0.9, 1.0] }}]
 strategies = ["pursuit", "xi-3"]
