@@ -9,6 +9,7 @@ import errno
 import os
 import socket
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from encircle.checkup import Finding
@@ -18,7 +19,10 @@ from protocol.zenoh_config import warning
 DATAGRAMS = ("udp", "quic")
 PRIVILEGED_PORT_MAX = 1023
 PROCESSES_MAX = 65_536
-COMMAND_CHARACTERS_MAX = 80
+COMMAND_CHARACTERS_MAX = 120
+PACKAGES = ("agents", "encircle", "protocol", "world")
+PROGRAM_WORDS = 2
+"""A script is the second word, behind its interpreter."""
 _LISTENING = "0A"
 KIND = "not of a kind that can be tried"
 
@@ -47,7 +51,7 @@ def listening_on(endpoint: str) -> list[Finding]:
         who = None if datagrams else listener_on(port)
         said = f"{endpoint} is in use by {who or 'a process that does not show'}"
         advice = "well if that is the party in question; another needs another port"
-        ours = who is not None and any(word in who for word in ("encircle", "protocol.router"))
+        ours = who is not None and is_ours(who.partition(": ")[2].split())
         return [Finding("ports", "note" if ours else "wrong", said, advice)]
     advice = "see which addresses this host has: ip address"
     if isinstance(error, socket.gaierror):
@@ -98,6 +102,13 @@ def _advice(error: OSError, host: str) -> str:
     if error.errno in (errno.ENETUNREACH, errno.EHOSTUNREACH):
         return "there is no way to that address from here: see ip route, and whether it is up"
     return "see that host and port are right"
+
+
+def is_ours(command: Sequence[str]) -> bool:
+    """Whether a command, by its words, is one of this project's."""
+    modules = [module for flag, module in pairwise(command) if flag == "-m"]
+    own = any(module.partition(".")[0] in PACKAGES for module in modules)
+    return own or any(Path(word).name == "encircle" for word in command[:PROGRAM_WORDS])
 
 
 def _words(error: OSError) -> str:

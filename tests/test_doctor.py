@@ -189,6 +189,22 @@ def test_a_clock_that_nothing_keeps_is_worth_a_note(monkeypatch):
 # Ports and endpoints
 
 
+@pytest.mark.parametrize(
+    ("command", "ours"),
+    [
+        ("/opt/encircle/.venv/bin/encircle router --listen tcp/127.0.0.1:7447", True),
+        ("/opt/encircle/.venv/bin/python /opt/encircle/.venv/bin/encircle world sim1", True),
+        ("python3 -m protocol.router --listen tcp/127.0.0.1:7447", True),
+        ("python3 -m world sim1", True),
+        ("/opt/encircle/.venv/bin/python -m http.server", False),
+        ("/home/encircle/bin/zenohd -l tcp/127.0.0.1:7447", False),
+        ("", False),
+    ],
+)
+def test_a_process_is_ours_by_its_program_and_not_by_where_it_is(command, ours):
+    assert checkup_network.is_ours(command.split()) == ours
+
+
 def test_a_port_is_free_or_it_is_said_who_has_it(examine):
     endpoint = free_endpoint()
     assert examine("--listen", endpoint).said("ports", "ok") == f"{endpoint} is free to listen on"
