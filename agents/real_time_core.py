@@ -93,6 +93,9 @@ class RealTimeCore:
             self._count(MISSED, observation.tick - self._next_tick)
             self._next_tick = observation.tick + 1
             self._is_known(observation.answered)
+            if len(self._untold) + len(self._waiting) >= TOLD_MAX:
+                self._count(MISSED, 1)
+                return
             self._waiting.append((came_us, observation))
         else:
             self.core.receive(key, payload)
@@ -101,7 +104,7 @@ class RealTimeCore:
 
     def decide(self) -> Action | None:
         """Answer the newest observation; None if there is none, or it is refused."""
-        if not self._waiting or len(self._untold) + len(self._waiting) > TOLD_MAX:
+        if not self._waiting:
             return None
         waiting, self._waiting = self._waiting, []
         self._came_us, newest = waiting[-1]

@@ -208,11 +208,14 @@ def test_as_long_as_there_is_no_room_to_tell_nothing_more_is_heard_or_answered(m
         tell(core, observation(tick))
         answered(core)
     hear(core, packet("r2", 0, 0))
-    tell(core, observation(TOLD_MAX))
-    assert core.decide() is None
-    tell(core, observation(TOLD_MAX + 1, answered=TOLD_MAX - 1))
-    told = answered(core)[0].timing[2]
-    assert told[0] == (ANSWERED, HEARD_MAX, 50)
+    later = range(TOLD_MAX, 3 * TOLD_MAX)
+    for tick in later:
+        tell(core, observation(tick))
+        assert core.decide() is None
+    tell(core, observation(later.stop, answered=TOLD_MAX - 1))
+    command, _ = answered(core)
+    assert command.timing[2][0] == (ANSWERED, HEARD_MAX, 50)
+    assert command.refused == {MISSED: len(later)}
 
 
 def test_however_long_its_peers_names_are_a_command_is_short_enough():
