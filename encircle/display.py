@@ -9,6 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from encircle.hunts import Hunt
+from world.result import Result
 from world.scenario import Scenario
 
 SHOWN_MAX = 6
@@ -92,6 +93,8 @@ class Display:
         )
         table.add_row("packets sent", f"{result.packets_sent}")
         table.add_row("packets lost", f"{lost}" + (f" ({causes})" if causes else ""))
+        if hunt.scenario.radio == "world":
+            table.add_row("packets' delay", _delay(result))
         if result.refused:
             refused = ", ".join(f"{n} {cause}" for cause, n in result.refused.items())
             table.add_row("messages refused", refused)
@@ -107,6 +110,14 @@ class Display:
         table.add_row("recording", str(directory / "recording.mcap"))
         table.add_row("figure", str(figure))
         Console().print(table)
+
+
+def _delay(result: Result) -> str:
+    """The mean delay that came of the radio, beside the one that was asked of it."""
+    found = "none arrive"
+    if result.delay_s_mean is not None:
+        found = f"{result.delay_s_mean:.4g} s on average"
+    return f"{found}; asked for: {result.delay_s_mean_asked:.4g} s ({result.delay_model})"
 
 
 def _punctuality(hunt: Hunt) -> list[tuple[str, str]]:

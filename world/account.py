@@ -6,25 +6,31 @@ Nobody waits for it: what happens is noted at once, and worked off when there is
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 
 from world import channel as radio
+from world.delay_means import Asked, asked
 from world.engine import ArenaState
 from world.result import Result
+from world.scenario import Scenario
 
 Outgoing = list[tuple[str, bytes]]
 Record = Callable[[int, str, bytes], None]
 
 
 class Account:
-    """What is told of one run in the end. ``header``: what its digest begins with."""
+    """What is told of one run of a scenario in the end. ``header``: what its digest begins with."""
 
-    def __init__(self, header: str) -> None:
+    def __init__(self, scenario: Scenario, header: str) -> None:
         self.unsettled: list[tuple[int, list[bytes], Outgoing]] = []
         self.digest = hashlib.blake2b(header.encode(), digest_size=16)
+        self._scenario = scenario
         self._packets_sent = 0
         self._packets_copied = 0
+        self._delays = 0
+        self._delays_ticks = 0
         self._lost: Counter[int] = Counter()
         self._contacts = 0
 
@@ -46,13 +52,18 @@ class Account:
         self.unsettled.clear()
         return shown
 
-    def count(self, fates: radio.Fates, contacts: int) -> None:
+    def count(self, tick: int, fates: radio.Fates, contacts: int) -> None:
         """Count the packets of a tick by their fates, and the contacts that came of it."""
         self._packets_sent += int(np.count_nonzero(fates.due))
         if fates.due.min() < 0:
             self._lost.update((-fates.due[fates.due < 0]).tolist())
+        first = fates.due
         if fates.copies is not None:
             self._packets_copied += int(np.count_nonzero(fates.copies))
+            first = np.where(fates.copies > 0, np.minimum(first, fates.copies), first)
+        arrivals = first[first > 0]
+        self._delays += arrivals.size
+        self._delays_ticks += int(arrivals.sum()) - tick * arrivals.size
         self._contacts += contacts
 
     def result(
@@ -80,8 +91,20 @@ class Account:
             self._packets_copied,
             self._packets_sent + self._packets_copied - sum(lost.values()) - in_flight,
             in_flight,
+            self._asked.model,
+            self._asked.s_mean,
+            self._delay_s_mean(),
             self._contacts,
             dict(sorted(refused.items())),
             self.digest.copy().hexdigest(),
             tuple(departures),
         )
+
+    @cached_property
+    def _asked(self) -> Asked:
+        return asked(self._scenario.channel, self._scenario.ids)
+
+    def _delay_s_mean(self) -> float | None:
+        if not self._delays or self._scenario.radio == "direct":
+            return None
+        return self._delays_ticks / self._delays * self._scenario.tick_s

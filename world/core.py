@@ -77,7 +77,7 @@ class WorldCore:
         self.shows = False
         self._state_key = world_key(run, "state")
         self._answers: dict[str, _Answer] = {}
-        self._account = Account(digest_header(arena.scenario, arena.seed))
+        self._account = Account(arena.scenario, digest_header(arena.scenario, arena.seed))
         self._encoded: Outgoing = []
         self._asked: Outgoing = []
         self.fates: radio.Fates | None = None
@@ -292,7 +292,7 @@ class WorldCore:
         self.state, fates = engine.advance(
             self.arena, self.state, steps, packets, len(self.run), lost
         )
-        self._account.count(fates, len(self.state.contacts))
+        self._account.count(tick, fates, len(self.state.contacts))
         digested, messages = [fates.due.tobytes()], []
         if fates.copies is not None:
             digested.append(fates.copies.tobytes())

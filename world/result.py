@@ -16,6 +16,11 @@ class Result:
 
     A packet is one pose on one directed link. Sent and copied (by the radio) together are lost,
     delivered and in flight together.
+
+    ``delay_s_mean``: of the packets that the radio delivers, the first copy of each, those in
+    flight included; None if there are none, and where they go from robot to robot instead.
+    ``delay_s_mean_asked``: what the scenario asks for, by its ``delay_model``, before delays become
+    whole ticks.
     """
 
     captured: bool
@@ -28,6 +33,9 @@ class Result:
     packets_copied: int
     packets_delivered: int
     packets_in_flight: int
+    delay_model: str
+    delay_s_mean_asked: float
+    delay_s_mean: float | None
     contacts: int
     refused: dict[str, int]
     digest: str
