@@ -11,12 +11,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from encircle.hunts import Hunt, resume, run
+from world.remarks import ScenarioRemark
 from world.scenario import Scenario, ScenarioError, load, shipped
 
 if TYPE_CHECKING:
     from encircle.studies.study import Study
 
-__all__ = ["Hunt", "Scenario", "ScenarioError", "load", "resume", "run", "shipped", "study"]
+__all__ = [
+    "Hunt",
+    "Scenario",
+    "ScenarioError",
+    "ScenarioRemark",
+    "load",
+    "resume",
+    "run",
+    "shipped",
+    "study",
+]
 
 
 def study(

@@ -1,6 +1,8 @@
 """``encircle run``: a hunt with a display, a figure at its end, and a way on if it breaks off."""
 
 import json
+import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +13,7 @@ from encircle.display import Display
 from encircle.hunts import Hunt, check_link, default_directory, resume, run
 from encircle.launch import RunFailed
 from encircle.transport import SHOWN_MAX, show
+from world.remarks import ScenarioRemark
 from world.resuming import read_last
 from world.run_directory import SUMMARY
 from world.scenario import Scenario, load
@@ -31,7 +34,10 @@ def _hunt(wish: Wish, scenario: Scenario, directory: Path, display: Display) -> 
     link, when_lost, progress = wish.link, wish.when_lost, display.update
     if wish.resume is not None:
         return resume(directory, link=link, progress=progress, when_lost=when_lost)
-    return run(scenario, link=link, out=directory, progress=progress, when_lost=when_lost)
+    with warnings.catch_warnings():
+        # They have been told in lines of their own.
+        warnings.simplefilter("ignore", ScenarioRemark)
+        return run(scenario, link=link, out=directory, progress=progress, when_lost=when_lost)
 
 
 def show_transport(directory: Path) -> None:
@@ -49,6 +55,8 @@ def hunt_and_draw(wish: Wish, as_json: bool) -> None:
     else:
         scenario, directory = read_last(wish.resume).scenario, wish.resume
     check_link(scenario, wish.link)
+    for remark in scenario.remarks():
+        print(f"encircle: {remark}", file=sys.stderr, flush=True)
     with Display(scenario, wish.link) as display:
         try:
             hunt = _hunt(wish, scenario, directory, display)

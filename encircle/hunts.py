@@ -3,6 +3,7 @@
 import secrets
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from protocol.log import bounded_log
 from world.recorder import RecordingStopped
+from world.remarks import ScenarioRemark
 from world.result import GO_ON, WHEN_LOST, Result
 from world.run_directory import create, new_directory, start_recording, write_summary
 from world.scenario import Scenario, ScenarioError, load
@@ -88,7 +90,8 @@ def run(
     run is to ``go-on`` without a robot whose process is lost, or to ``end``.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
-    unusable directory and ``RunFailed`` if the run does not come to its end.
+    unusable directory and ``RunFailed`` if the run does not come to its end. Warns with
+    ``ScenarioRemark`` of what may not be meant, such as a team that can never capture.
     """
     _check("link", link, LINKS)
     _check("when_lost", when_lost, WHEN_LOST)
@@ -97,6 +100,8 @@ def run(
         scenario = scenario.model_dump(mode="json", exclude_unset=True)
     loaded = load(scenario, changes)
     check_link(loaded, link)
+    for remark in loaded.remarks():
+        warnings.warn(remark, ScenarioRemark, stacklevel=2)
     name = f"run-{secrets.token_hex(6)}"
     directory = create(Path(out)) if out is not None else None
     tell = progress or (lambda _report: None)

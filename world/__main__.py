@@ -59,8 +59,10 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m world
             found.when_lost,
             found.parent,
         )
-        if said is not None:
-            print(f"world: {said}", file=sys.stderr, flush=True)
+        # A program that starts this world has told its user already.
+        remarks = [] if found.parent else scenario.remarks()
+        for line in [*([said] if said is not None else []), *remarks]:
+            print(f"world: {line}", file=sys.stderr, flush=True)
         with refusals_told("world", found.count_refusals):
             return asyncio.run(run_world(arena, found.run, where, found.out, log, terms, resumed))
     except AccessError as error:

@@ -18,6 +18,7 @@ from protocol import VERSION
 from world.checks import problems_of
 from world.fields import ROBOTS_MAX, Length, Model, Position, shown
 from world.radio_model import ChannelModel, Crash, Delay, Loss, Outage, Partition, Silence
+from world.remarks import remarks_on
 from world.scenario_files import ScenarioError, override, read, shipped
 from world.trace_files import inlined
 
@@ -181,6 +182,10 @@ class Scenario(Model):
     def problems(self) -> list[str]:
         """Contradictions between values that are each in range; empty if there are none."""
         return problems_of(self)
+
+    def remarks(self) -> list[str]:
+        """What is worth knowing before the scenario is run as it is; empty if nothing is."""
+        return remarks_on(self)
 
 
 def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:

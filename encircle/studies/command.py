@@ -2,6 +2,8 @@
 
 import json
 import shlex
+import sys
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -25,6 +27,7 @@ from encircle.studies.sentences import findings
 from encircle.studies.study import Study
 from encircle.studies.summary import summarise
 from encircle.studies.workers import StudyFailed
+from world.remarks import ScenarioRemark
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +55,8 @@ def run_study(request: Request) -> dict[str, Any]:
     """Run, sum up and report; returns what ``--json`` prints. Raises as ``Study.run``."""
     plan = load_plan(request.source, request.changes, request.seeds)
     study = Study(plan, request.out)
+    for remark in plan.remarks():
+        print(f"encircle: {remark}", file=sys.stderr, flush=True)
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=30),
@@ -92,9 +97,12 @@ class _Count:
 
 def _run(study: Study, request: Request, tell: Callable[[int, int], None], done: _Count) -> int:
     try:
-        return study.run(
-            link=request.link, workers=request.workers, cluster=request.cluster, progress=tell
-        )
+        with warnings.catch_warnings():
+            # They have been told in lines of their own.
+            warnings.simplefilter("ignore", ScenarioRemark)
+            return study.run(
+                link=request.link, workers=request.workers, cluster=request.cluster, progress=tell
+            )
     except KeyboardInterrupt:
         raise StudyFailed(
             f"stopped by SIGINT; {done.runs} of {study.plan.runs} runs are done, the same command"

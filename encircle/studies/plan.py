@@ -15,6 +15,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from importlib import resources
+from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +26,7 @@ from encircle.measures import MEASURES
 from world.scenario import Scenario, ScenarioError, load
 
 CELLS_MAX = 100_000
+CELLS_NAMED_MAX = 4
 SEEDS_MAX = 1_000_000
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
 RESERVED = ("cell", "seed", "digest", "captured", "ticks", "wall_s", "code", "versions")
@@ -211,6 +213,32 @@ class Plan(_Model):
                     where = ", ".join(f"{k} = {v}" for k, v in self.levels(cell).items())
                     seen.setdefault(line.strip(), where)
         return [f"{line} (at {where or 'the base'})" for line, where in seen.items()]
+
+    def remarks(self) -> list[str]:
+        """What is worth knowing of the cells before they are run, each sentence once."""
+        cells: dict[str, list[int]] = {}
+        for cell in range(len(self.cells)):
+            for line in self.scenario_of(cell).remarks():
+                cells.setdefault(line, []).append(cell)
+        return [f"{line} ({_where(self, found)})" for line, found in cells.items()]
+
+
+def _where(plan: Plan, cells: Sequence[int]) -> str:
+    """Which cells these are, by the levels that tell them from the others."""
+    if len(cells) == len(plan.cells):
+        return "in every cell"
+    places = [sorted({plan.cells[cell][k] for cell in cells}) for k in range(len(plan.all_axes))]
+    if prod(map(len, places)) == len(cells):
+        words = [
+            f"{axis.name} = {', '.join(axis.shown(axis.levels[k]) for k in chosen)}"
+            for axis, chosen in zip(plan.all_axes, places, strict=True)
+            if len(chosen) < len(axis.levels)
+        ]
+        return f"at {' and '.join(words)}"
+    named = [", ".join(f"{k} = {v}" for k, v in plan.levels(c).items()) for c in cells]
+    more = len(cells) - CELLS_NAMED_MAX
+    rest = f"; and {more} more cells" if more > 0 else ""
+    return f"at {'; '.join(named[:CELLS_NAMED_MAX])}{rest}"
 
 
 def _problems_of_names(plan: Plan) -> list[str]:

@@ -4,6 +4,7 @@
 """
 
 import os
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -18,6 +19,7 @@ from encircle.studies.plan import Plan
 from encircle.studies.table import StudyTable
 from encircle.studies.work import Row, Task
 from encircle.studies.workers import in_processes, on_cluster
+from world.remarks import ScenarioRemark
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,10 +52,13 @@ class Study:
         on the dask cluster at ``cluster``; or ``zenoh``, one run after the other through robot
         processes that are kept. ``progress`` is called with the numbers of runs that are done and
         that there are. Raises ``StudyError`` for a directory that is another study's and
-        ``StudyFailed`` if not everything could be run; the same call then goes on.
+        ``StudyFailed`` if not everything could be run; the same call then goes on. Warns with
+        ``ScenarioRemark`` of cells that may not be what was meant.
         """
         if link not in LINKS:
             raise ValueError(f"link {link!r}: must be one of {', '.join(LINKS)}")
+        for remark in self.plan.remarks():
+            warnings.warn(remark, ScenarioRemark, stacklevel=2)
         tell = progress or (lambda _done, _all: None)
         with closing(self.open()) as table:
             missing = int((~table.done).sum())

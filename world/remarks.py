@@ -1,0 +1,73 @@
+"""What is worth knowing of a scenario before it is run, although it can be run as it is.
+
+A contradiction is refused (``world.checks``). A remark is not: a team that can never capture is a
+fine way to study tracking, if that is what was meant. Whoever starts a run tells its remarks first,
+a line each: the commands on standard error, the Python API as a ``ScenarioRemark``.
+"""
+
+from typing import TYPE_CHECKING
+
+from world.capture_bounds import ROBOTS_MIN, most_within
+from world.radio_model import Crash
+
+if TYPE_CHECKING:
+    from world.scenario import Scenario
+
+
+class ScenarioRemark(UserWarning):
+    """The warning of ``encircle.run`` for a scenario that may not be what was meant."""
+
+
+def remarks_on(scenario: "Scenario") -> list[str]:
+    """Plain sentences on a valid scenario, key and value first; empty if there are none."""
+    return [*_who_can_capture(scenario)]
+
+
+def _who_can_capture(scenario: "Scenario") -> list[str]:
+    team, count = scenario.team, len(scenario.ids)
+    if count < ROBOTS_MIN:
+        key = f"team.robots = {count}" if team.positions is None else "team.positions"
+        who = "one robot" if count == 1 else f"{count} robots"
+        return [
+            f"{key}: {who} can never capture: it takes {ROBOTS_MIN} at least to leave no gap"
+            " of pi or more around the target"
+        ]
+    return [*_room(scenario), *_lost_for_good(scenario)]
+
+
+def _room(scenario: "Scenario") -> list[str]:
+    """A capture that takes more robots than find a place around the target."""
+    stop_m, needed = scenario.capture.stop_distance_m, max(ROBOTS_MIN, scenario.capture_count)
+    most = most_within(stop_m, scenario.team.radius_m, scenario.target.radius_m)
+    if needed > most:
+        return [
+            f"capture.stop_distance_m = {stop_m:g}: no more than {most} robots of radius"
+            f" {scenario.team.radius_m:g} m have room so near the target, and a capture takes"
+            f" {needed}: a team that loses no robot can never capture"
+        ]
+    if scenario.capture_count > scenario.fits_around:
+        return [
+            f"capture.count = {scenario.capture_count}: only {scenario.fits_around} robots fit"
+            f" around the target at capture.stop_distance_m = {stop_m:g} with half a body's width"
+            " between neighbours: hunts may never end in a capture"
+        ]
+    return []
+
+
+def _lost_for_good(scenario: "Scenario") -> list[str]:
+    """Crashes that leave too few robots, with none of them back before the run ends."""
+    end = scenario.ticks_max
+    ticks = sorted(
+        event.tick
+        for event in scenario.events
+        if isinstance(event, Crash)
+        and event.tick <= end
+        and (event.ticks is None or event.tick + event.ticks > end)
+    )
+    count, spare = len(scenario.ids), len(scenario.ids) - ROBOTS_MIN
+    if len(ticks) <= spare:
+        return []
+    return [
+        f"events: from tick {ticks[spare]} on crashes leave {ROBOTS_MIN - 1} of {count} robots or"
+        f" fewer for good: they can never capture, which takes {ROBOTS_MIN}"
+    ]
