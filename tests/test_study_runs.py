@@ -337,8 +337,8 @@ def test_a_worker_with_other_code_is_refused():
         def result(self):
             return "0ther", []
 
-    with pytest.raises(StudyFailed, match="runs code 0ther"):
-        workers._checked(Finished())
+    with pytest.raises(StudyFailed, match="runs code 0ther, this is 0urs"):
+        workers._result(Finished(), "0urs")
 
 
 @pytest.mark.parametrize(

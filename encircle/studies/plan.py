@@ -23,6 +23,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from encircle.measures import MEASURES
+from protocol.plugins import GROUPS, STRATEGIES, TARGETS, installed
 from world.scenario import Scenario, ScenarioError, load
 
 CELLS_MAX = 100_000
@@ -184,6 +185,18 @@ class Plan(_Model):
         axes = [[axis.name, axis.levels] for axis in self.all_axes]
         tree = {"cells": cells, "axes": axes, "measures": self.columns}
         return hashlib.blake2b(_text(tree).encode(), digest_size=8).hexdigest()
+
+    @cached_property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """Strategies and targets of other packages that some cell uses: group and name."""
+        used = set()
+        for cell in range(len(self.cells)):
+            scenario = self.scenario_of(cell)
+            used |= {(STRATEGIES, scenario.team.strategy), (TARGETS, scenario.target.behaviour)}
+        known = {group: installed(group) for group in GROUPS}
+        return tuple(
+            sorted((group, name) for group, name in used if not known[group][name].shipped)
+        )
 
     def levels(self, cell: int) -> dict[str, Any]:
         """Axis names and levels of a cell."""

@@ -19,6 +19,7 @@ from typing import Any
 from encircle.launch import ONE_THREAD, STOP_S_MAX, free_endpoint
 from encircle.runlog import RunLog
 from encircle.studies.plan import Plan
+from encircle.studies.sources import versions
 from encircle.studies.work import Row, Task, row
 from encircle.studies.workers import StudyFailed
 from protocol.access import Access
@@ -35,8 +36,12 @@ WATCH_PERIOD_S = 0.1
 Messages = list[tuple[int, str, bytes]]
 
 
-def over_zenoh(plan: Plan, tasks: Iterator[Task]) -> Iterator[list[Row]]:
-    """Run tasks one after the other through kept robot processes, a row at a time."""
+def over_zenoh(plan: Plan, tasks: Iterator[Task], code: str) -> Iterator[list[Row]]:
+    """Run tasks one after the other through kept robot processes, a row at a time.
+
+    ``code``: the digest of the sources that the robots, started here, import.
+    """
+    told = code, json.dumps(versions(plan.plugins))
     teams = [plan.scenario_of(cell).ids for cell in range(len(plan.cells))]
     with Session(max(teams, key=len)) as session:
         for task in tasks:
@@ -44,7 +49,7 @@ def over_zenoh(plan: Plan, tasks: Iterator[Task]) -> Iterator[list[Row]]:
             for seed in task.seeds:
                 begun = time.perf_counter()
                 log, digest = session.hunt(build(scenario, seed))
-                yield [row(task, log, digest, begun)]
+                yield [row(task, log, digest, begun, told)]
 
 
 class Session:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from encircle.hunts import LINKS
-from encircle.studies import work
 from encircle.studies.plan import Plan
+from encircle.studies.sources import code
 from encircle.studies.table import StudyTable
 from encircle.studies.work import Row, Task
 from encircle.studies.workers import in_processes, on_cluster
@@ -65,7 +65,8 @@ class Study:
             done = self.plan.runs - missing
             tell(done, self.plan.runs)
             if missing:
-                for rows in self._rows(tasks(self.plan, table.done), link, workers, cluster):
+                todo = tasks(self.plan, table.done)
+                for rows in self._rows(todo, table.owner["code"], link, workers, cluster):
                     table.append(rows)
                     done += len(rows)
                     tell(done, self.plan.runs)
@@ -81,18 +82,18 @@ class Study:
 
     def open(self) -> StudyTable:
         """The table, locked until it is closed."""
-        return StudyTable(self.directory, self.plan, {"code": work.code()})
+        return StudyTable(self.directory, self.plan, {"code": code(self.plan.plugins)})
 
     def _rows(
-        self, todo: Iterator[Task], link: str, workers: int | None, cluster: str | None
+        self, todo: Iterator[Task], code: str, link: str, workers: int | None, cluster: str | None
     ) -> Iterator[list[Row]]:
         if link == "zenoh":
             from encircle.studies.session import over_zenoh
 
-            return over_zenoh(self.plan, todo)
+            return over_zenoh(self.plan, todo, code)
         if cluster is not None:
-            return on_cluster(todo, cluster)
-        return in_processes(todo, workers or os.cpu_count() or 1)
+            return on_cluster(todo, code, cluster)
+        return in_processes(todo, code, workers or os.cpu_count() or 1)
 
 
 def tasks(plan: Plan, done: NDArray[np.bool_]) -> Iterator[Task]:
@@ -104,4 +105,4 @@ def tasks(plan: Plan, done: NDArray[np.bool_]) -> Iterator[Task]:
         scenario = plan.scenario_of(cell).model_dump_json(exclude_unset=True)
         for first in range(0, places.size, TASK_RUNS):
             seeds = tuple(plan.seed_list[k] for k in places[first : first + TASK_RUNS])
-            yield Task(cell, plan.levels(cell), scenario, seeds, plan.columns)
+            yield Task(cell, plan.levels(cell), scenario, seeds, plan.columns, plan.plugins)

@@ -28,8 +28,12 @@ class StudyFailed(Exception):
     """A study that stopped before its end; what was finished is in its table."""
 
 
-def in_processes(tasks: Iterator[Task], workers: int) -> Iterator[list[Row]]:
-    """Run tasks on processes of this machine. ``StudyFailed`` if one of them dies."""
+def in_processes(tasks: Iterator[Task], code: str, workers: int) -> Iterator[list[Row]]:
+    """Run tasks on processes of this machine.
+
+    ``code``: the digest of the sources that they must run. ``StudyFailed`` if they do not, as when
+    a source is changed now, or if one of them dies.
+    """
     # Not forked: a forked copy of a process with threads, as Zenoh's, may hang.
     pool = futures.ProcessPoolExecutor(workers, get_context("spawn"), _prepare)
     waiting: set[futures.Future[tuple[str, list[Row]]]] = set()
@@ -38,8 +42,8 @@ def in_processes(tasks: Iterator[Task], workers: int) -> Iterator[list[Row]]:
             waiting.add(pool.submit(work.run_task, task))
             if len(waiting) >= TASKS_PER_WORKER * workers:
                 done, waiting = futures.wait(waiting, return_when=futures.FIRST_COMPLETED)
-                yield from (future.result()[1] for future in done)
-        yield from (future.result()[1] for future in futures.as_completed(waiting))
+                yield from (_checked(future.result(), code) for future in done)
+        yield from (_checked(f.result(), code) for f in futures.as_completed(waiting))
     except BrokenProcessPool:
         raise StudyFailed(
             "a worker process died; the same command goes on from here"
@@ -62,11 +66,12 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def on_cluster(tasks: Iterator[Task], address: str) -> Iterator[list[Row]]:
+def on_cluster(tasks: Iterator[Task], code: str, address: str) -> Iterator[list[Row]]:
     """Run tasks on the workers of the dask scheduler at an address.
 
     A worker that dies has its tasks run by another. Raises ``StudyFailed`` if there is no
-    scheduler, no worker for ``WORKERLESS_S_MAX``, or one with another version of this program.
+    scheduler, no worker for ``WORKERLESS_S_MAX``, or one that runs other sources than those of the
+    digest ``code``, this program's or a plug-in's.
     """
     from distributed import Client
 
@@ -75,22 +80,22 @@ def on_cluster(tasks: Iterator[Task], address: str) -> Iterator[list[Row]]:
     except (OSError, ValueError) as error:
         raise StudyFailed(f"no dask scheduler at {address}: {error}") from None
     try:
-        yield from _from_cluster(client, tasks)
+        yield from _from_cluster(client, tasks, code)
     finally:
         client.close()
 
 
-def _from_cluster(client: Any, tasks: Iterator[Task]) -> Iterator[list[Row]]:
+def _from_cluster(client: Any, tasks: Iterator[Task], code: str) -> Iterator[list[Row]]:
     waiting: set[Any] = set()
     for task in tasks:
         waiting.add(client.submit(work.run_task, task, pure=False, retries=RETRIES))
         threads = sum(client.nthreads().values())
         while len(waiting) >= TASKS_PER_WORKER * max(1, threads):
             done, waiting = _some(client, waiting)
-            yield from map(_checked, done)
+            yield from (_result(future, code) for future in done)
     while waiting:
         done, waiting = _some(client, waiting)
-        yield from map(_checked, done)
+        yield from (_result(future, code) for future in done)
 
 
 def _some(client: Any, waiting: set[Any]) -> tuple[set[Any], set[Any]]:
@@ -111,15 +116,21 @@ def _some(client: Any, waiting: set[Any]) -> tuple[set[Any], set[Any]]:
         return set(done), set(rest)
 
 
-def _checked(future: Any) -> list[Row]:
-    """A task's rows, if the worker runs the same code as we do."""
+def _result(future: Any, code: str) -> list[Row]:
     try:
-        code, rows = future.result()
+        answer = future.result()
     except Exception as error:
         raise StudyFailed(f"a worker of the cluster failed: {error}") from error
-    if code != work.code():
+    return _checked(answer, code)
+
+
+def _checked(answer: tuple[str, list[Row]], code: str) -> list[Row]:
+    """A task's rows, if the worker runs the same code as we do."""
+    theirs, rows = answer
+    if theirs != code:
         raise StudyFailed(
-            f"a worker of the cluster runs code {code}, this is {work.code()}: install the same"
-            " versions of this program, numpy and scipy everywhere"
+            f"a worker runs code {theirs}, this is {code}: have the same sources and versions of"
+            " this program, of its plug-ins, numpy and scipy everywhere, and change none while a"
+            " study runs; a cluster's workers must be started again after a change"
         )
     return list(rows)

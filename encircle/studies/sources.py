@@ -1,0 +1,169 @@
+"""Which code has a part in a study's numbers: its sources, digested wherever they lie.
+
+This program's own packages, and the plug-ins that the study uses: not all that are installed, for
+one that is not named in a study is not even loaded, and work on it is no reason to refuse the
+study. A version says nothing of a source that is edited in place, so sources are read: the module
+of the plug-in, all of its package, and, by the import statements in them, the modules beside them.
+What comes from other installed packages goes by their versions. What a plug-in finds at run time by
+other means than an import statement (a file beside a module, a computed name) is not seen, unless
+it lies in the plug-in's own package.
+
+Paths count only from the folder on, in which the import finds the module: the same sources give the
+same digest on every machine.
+"""
+
+import ast
+import hashlib
+import json
+import os
+import platform
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import packages_distributions, version
+from importlib.util import find_spec
+from pathlib import Path
+
+from protocol.plugins import OWN, installed
+
+OURS: Mapping[str, tuple[str, ...]] = {
+    "agents": ("",),
+    "encircle": ("measur", "memory", "recorded_log", "runlog", "studies/work"),
+    "protocol": ("",),
+    "world": ("",),
+}
+"""Packages, and the beginnings of their files' names, on which numbers depend."""
+PACKAGES = (OWN, "numpy", "scipy", "filterpy", "msgpack")
+PASSED_OVER = ("__pycache__",)
+COMPILED = (".pyc", ".pyo")
+
+Names = Sequence[tuple[str, str]]
+"""Plug-ins by entry-point group and name."""
+Files = dict[str, Path]
+
+
+@dataclass
+class _Found:
+    """What plug-ins are made of: files by name, and distributions of which the version counts."""
+
+    files: Files = field(default_factory=dict)
+    distributions: set[str] = field(default_factory=set)
+    absent: set[str] = field(default_factory=set)
+
+
+def code(plugins: Names = ()) -> str:
+    """Digest of everything that has a part in a run's numbers: sources and versions."""
+    found = _found(plugins)
+    digest = hashlib.blake2b(digest_size=8)
+    _add(digest, "versions", json.dumps(_versions(found.distributions)).encode())
+    _add(digest, "absent", json.dumps(sorted(found.absent)).encode())
+    for files in (_own_files(), found.files):
+        for name in sorted(files):
+            _add(digest, name, files[name].read_bytes())
+    return digest.hexdigest()
+
+
+def versions(plugins: Names = ()) -> dict[str, str]:
+    """Versions of what computes a run's numbers, other people's strategies and targets included."""
+    return _versions(_found(plugins).distributions)
+
+
+def _versions(distributions: Iterable[str]) -> dict[str, str]:
+    others = sorted(set(distributions) - set(PACKAGES))
+    found = {name: version(name) for name in (*PACKAGES, *others)}
+    return {"python": platform.python_version(), **found}
+
+
+def _add(digest: "hashlib._Hash", name: str, content: bytes) -> None:
+    """Add a named content, so that nothing can move from one to the next unnoticed."""
+    for part in (name.encode(), content):
+        digest.update(len(part).to_bytes(8, "big"))
+        digest.update(part)
+
+
+def _own_files() -> Files:
+    return {
+        name: path
+        for package, beginnings in OURS.items()
+        for name, path in (_files_of(package) or {}).items()
+        if name.endswith(".py") and name.partition("/")[2].startswith(beginnings)
+    }
+
+
+def _found(plugins: Names) -> _Found:
+    """The sources of plug-ins, and of what they import, as far as it is no other distribution's."""
+    found = _Found()
+    owners = packages_distributions() if plugins else {}
+    for group, name in plugins:
+        plugin = installed(group).get(name)
+        if plugin is None:
+            found.absent.add(name)
+            continue
+        entry = plugin.entry
+        own = {entry.dist.name} if entry.dist is not None else set()
+        found.distributions |= own
+        waiting, seen = [entry.module.partition(".")[0]], set(OURS) | sys.stdlib_module_names
+        while waiting:  # ends: every module is looked at once
+            module = waiting.pop()
+            if module in seen:
+                continue
+            seen.add(module)
+            files, theirs = _files_of(module), set(owners.get(module, ()))
+            if files is None:
+                found.absent.add(module)
+            elif theirs and not theirs & own and _is_installed(files):
+                found.distributions |= theirs
+            else:
+                found.files |= files
+                waiting += [name for path in files.values() for name in _imports(path)]
+    return found
+
+
+def _files_of(module: str) -> Files | None:
+    """The files of a top-level module or package; None if there is no such module."""
+    try:
+        spec = find_spec(module)
+    except (ImportError, ValueError):
+        return None
+    if spec is None:
+        return None
+    if spec.submodule_search_locations is not None:
+        folders = map(Path, spec.submodule_search_locations)
+        below = (file for folder in folders for file in _files_below(folder))
+        return {f"{module}/{name}": path for name, path in below}
+    path = Path(spec.origin or "")
+    return {path.name: path} if path.is_file() else {}
+
+
+def _files_below(folder: Path) -> Iterator[tuple[str, Path]]:
+    """All files below a folder, by their way from it, but for caches and hidden ones."""
+    for place, folders, names in os.walk(folder):
+        folders[:] = [f for f in folders if f not in PASSED_OVER and not f.startswith(".")]
+        for name in names:
+            path = Path(place) / name
+            if path.suffix not in COMPILED and not name.startswith(".") and path.is_file():
+                yield path.relative_to(folder).as_posix(), path
+
+
+def _is_installed(files: Files) -> bool:
+    """Whether files lie where an installer puts them, and not in somebody's working folder."""
+    places = [Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")]
+    return any(place in path.resolve().parents for path in files.values() for place in places)
+
+
+def _imports(path: Path) -> set[str]:
+    """The top-level names that a module imports, wherever in it."""
+    if path.suffix != ".py":
+        return set()
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (SyntaxError, ValueError):
+        return set()
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            found.add(node.module.partition(".")[0])
+    return found
