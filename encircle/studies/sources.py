@@ -75,7 +75,7 @@ def _versions(distributions: Iterable[str]) -> dict[str, str]:
     return {"python": platform.python_version(), **found}
 
 
-def _add(digest: "hashlib._Hash", name: str, content: bytes) -> None:
+def _add(digest: hashlib.blake2b, name: str, content: bytes) -> None:
     """Add a named content, so that nothing can move from one to the next unnoticed."""
     for part in (name.encode(), content):
         digest.update(len(part).to_bytes(8, "big"))
