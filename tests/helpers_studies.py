@@ -99,6 +99,8 @@ def _rows(
         measured = {
             "age_ticks_mean": known.age_ticks * own.uniform(0.8, 1.2),
             "capture_s": ticks * scenario.tick_s if captured else np.nan,
+            "delay_s_mean": scenario.tick_s / 2.0
+            + scenario.channel.delay.mean_s * own.uniform(1, 1.1),
         }
         numbers = {name: measured.get(name, own.gamma(4.0, 2.0)) for name in plan.columns}
         rows.append(

@@ -5,10 +5,10 @@ import csv
 import json
 import re
 from contextlib import closing
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from helpers_pages import Page
 from helpers_studies import (
     ARMS,
     LOSS,
@@ -32,53 +32,9 @@ from encircle.studies.words import seeds_text, set_up
 STRATEGIES = ["xi-star", "xi-0"]
 LINES = {"axes": [LOSS], "strategies": STRATEGIES, "seeds": 12}
 COMMAND = "encircle study loss --set 'team.strategy=\"xi-0\"' --seeds 12"
-VOID = {"meta", "img", "br", "link"}
 PIXEL = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
 )
-
-
-class Page(HTMLParser):
-    """A page taken apart; asserts that every element is closed where it should be."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.text = text
-        self.open, self.seen, self.tables, self.images, self.items = [], [], [], [], []
-        self.words = {}
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attributes):
-        given = dict(attributes)
-        assert len(given) == len(attributes), f"an attribute of {tag} stands twice"
-        self.seen.append((tag, given))
-        if tag == "img":
-            self.images.append(given)
-        if tag == "table":
-            self.tables.append([])
-        if tag == "tr":
-            self.tables[-1].append([])
-        if tag in ("td", "th"):
-            self.tables[-1][-1].append("")
-        if tag not in VOID:
-            self.open.append(tag)
-            self.words.setdefault(tag, []).append("")
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        for tag in self.open:
-            self.words[tag][-1] += data
-        if self.open and self.open[-1] in ("td", "th"):
-            self.tables[-1][-1][-1] += data
-
-    def table(self, beginning):
-        """The rows of the table whose caption begins so."""
-        place = [c.startswith(beginning) for c in self.words["caption"]].index(True)
-        return self.tables[place]
 
 
 @pytest.fixture
@@ -246,7 +202,7 @@ def test_every_measure_is_there_with_its_unit_and_its_mean(lines, tmp_path, quic
     few, _summary, rows = written(tmp_path / "f", axes=[ARMS], seeds=3)
     head, *body = few.table("Means over runs")
     assert head == ["Measure", "Unit", *(f"radio {arm['name']}" for arm in ARMS["arms"])]
-    assert [line[0].split(":")[0] for line in body] == list(MEASURED)
+    assert [line[0].split(":")[0] for line in body] == [*MEASURED, "delay_s_mean"]
 
 
 def test_hostile_names_are_shown_and_do_nothing(tmp_path, quick):
@@ -339,7 +295,8 @@ def test_the_set_up_tells_of_any_radio_and_event():
 
 
 def test_arms_tell_what_they_set():
-    rows = report.axis_rows(study_plan(axes=[ARMS], seeds=1))
+    plan = study_plan(axes=[ARMS], seeds=1)
+    rows = report.axis_rows(plan, plan)
     assert rows[0][1] == "ticks_max"
     assert rows[0][2].startswith("independent losses: ticks_max = 300; bursts of")
 

@@ -97,7 +97,7 @@ def _style(plan: Plan, cell: Cell, first: Axis, second: Axis | None) -> dict[str
 
 def _look(first: Axis, place: int) -> dict[str, Any]:
     if first.numeric:
-        shade = colour_scale(first)(float(first.column(place)) * first.scale)
+        shade = colour_scale(first)(first.shown_values[place] * first.scale)
         return {"color": matplotlib.colormaps[MAP](shade), "marker": MARKERS[0]}
     if len(first.levels) > NAMED_MAX:
         return {"color": COLOURS[0], "marker": MARKERS[0]}

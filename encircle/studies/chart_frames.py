@@ -203,7 +203,7 @@ def bars_of(bounds: Floats) -> Floats:
 
 def scaled(axis: Axis) -> Floats:
     """Levels of a numeric axis in the unit in which they are shown, ascending."""
-    return np.array([float(axis.column(place)) * axis.scale for place in ordered(axis)])
+    return np.array([axis.shown_values[place] * axis.scale for place in ordered(axis)])
 
 
 def is_log(values: Floats) -> bool:
@@ -221,6 +221,7 @@ def beside(values: Floats, number: int, count: int) -> Floats:
     """Places for line ``number`` of ``count``, beside each other so that bars hide none."""
     places = np.log(values) if is_log(values) else values
     gaps = np.diff(places)
+    gaps = gaps[gaps > 0.0]  # levels may come out alike
     step = min(0.6 / count * gaps.min(), BESIDE * np.ptp(places)) if gaps.size else 0.1
     moved = places + step * (number - (count - 1) / 2)
     return np.asarray(np.exp(moved) if is_log(values) else moved)

@@ -17,10 +17,17 @@ from functools import cached_property
 from importlib import resources
 from math import prod
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
 
 from encircle.measures import MEASURES
 from protocol.plugins import GROUPS, STRATEGIES, TARGETS, installed
@@ -32,6 +39,10 @@ SEEDS_MAX = 1_000_000
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
 RESERVED = ("cell", "seed", "digest", "captured", "ticks", "wall_s", "code", "versions")
 STRATEGY = "strategy"
+DELIVERED = "delay_s_mean"
+"""The measure of the delay that came of the radio."""
+DELAYS = ("channel.delay.mean_s", "channel.delay.low_s", "channel.delay.high_s")
+"""Keys that ask for a delay, in s."""
 
 
 class StudyError(ValueError):
@@ -61,6 +72,8 @@ class Axis(_Model):
     """One axis: a key with ``values`` or a ``range`` of them, or named ``arms``.
 
     ``scale`` is what values are multiplied with to be shown in ``unit``: 100 for a share in %.
+    ``show``: levels of a delay are shown as they are asked for or, once there are runs, by the mean
+    delay in s that was delivered at each, ``delivered_s``.
     """
 
     name: Name
@@ -71,6 +84,8 @@ class Axis(_Model):
     label: str = ""
     unit: str = ""
     scale: float = 1.0
+    show: Literal["asked", "delivered"] = "asked"
+    _delivered_s: tuple[float, ...] | None = PrivateAttr(None)
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Axis":
@@ -83,6 +98,11 @@ class Axis(_Model):
             raise ValueError("an axis needs at least one level")
         if len({_text(level) for level in self.levels}) < len(self.levels):
             raise ValueError(f"every level once, not {list(self.levels)}")
+        if self.show == "delivered" and not (self.key in DELAYS and self.numeric):
+            raise ValueError(
+                f"show = 'delivered' needs an axis of a delay: a key of {', '.join(DELAYS)} with"
+                f" numbers, not {self.key or 'arms'}"
+            )
         return self
 
     @cached_property
@@ -120,8 +140,27 @@ class Axis(_Model):
             return float(level)
         return level if isinstance(level, str) else _text(level)
 
+    def as_delivered(self, delivered_s: Sequence[float]) -> "Axis":
+        """The axis with its levels shown by these mean delays, one for each."""
+        label = f"delivered {self.label or self.name.replace('_', ' ')}"
+        axis = self.model_copy(update={"label": label})
+        axis._delivered_s = tuple(delivered_s)
+        return axis
+
+    @property
+    def shown_values(self) -> tuple[float, ...]:
+        """What the levels of a numeric axis are shown by, not yet in ``unit``: places on a scale."""
+        return self._delivered_s or tuple(float(level) for level in self.levels)
+
+    def shown_value(self, value: float) -> str:
+        """A place between levels as a person reads it, without unit."""
+        shown = value * self.scale
+        return f"{shown:.0f}" if abs(shown) >= 1000.0 else f"{shown:.3g}"
+
     def shown(self, level: Any) -> str:
         """A level as a person reads it, without unit."""
+        if self._delivered_s is not None:
+            return self.shown_value(self._delivered_s[self.levels.index(level)])
         if isinstance(level, float | int) and not isinstance(level, bool):
             return f"{level * self.scale:.6g}"
         return _text(level) if isinstance(level, list | tuple | dict) else str(level)
@@ -169,8 +208,10 @@ class Plan(_Model):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the measures in the table."""
-        return self.measures or tuple(MEASURES)
+        """Names of the measures in the table; the delay that was delivered is always one."""
+        return (
+            tuple(dict.fromkeys((*self.measures, DELIVERED))) if self.measures else tuple(MEASURES)
+        )
 
     @cached_property
     def compared(self) -> Axis | None:
@@ -197,6 +238,16 @@ class Plan(_Model):
         return tuple(
             sorted((group, name) for group, name in used if not known[group][name].shipped)
         )
+
+    def as_delivered(self, delivered_s: Mapping[str, Sequence[float]]) -> "Plan":
+        """The plan with the levels of some axes, by name, shown by the mean delays delivered."""
+        axes = [
+            axis.as_delivered(delivered_s[axis.name]) if axis.name in delivered_s else axis
+            for axis in self.axes
+        ]
+        # A copy would keep what was computed from the other axes.
+        fields = {name: getattr(self, name) for name in type(self).model_fields}
+        return type(self).model_construct(**{**fields, "axes": tuple(axes)})
 
     def levels(self, cell: int) -> dict[str, Any]:
         """Axis names and levels of a cell."""

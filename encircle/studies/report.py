@@ -44,7 +44,7 @@ def write_report(
     content = [
         *_opening(plan, date),
         *_findings(summary),
-        *_set_up(plan),
+        *_set_up(plan, summary.plan),
         *_figures(charts),
         *tables(summary),
         *measures(summary),
@@ -84,13 +84,13 @@ def _findings(summary: Summary) -> list[str]:
     return [*found, page.paragraph(note, "soft")]
 
 
-def _set_up(plan: Plan) -> list[str]:
+def _set_up(plan: Plan, shown_plan: Plan) -> list[str]:
     tree = plan.scenario_of(0).model_dump(mode="json", exclude={"seed"})
     which = "The scenario, all axes at their first level" if plan.all_axes else "The scenario"
     found = [page.heading("Set-up")]
     if plan.all_axes:
         axes = ("Axis", "Key", "Levels")
-        found.append(page.table("What is varied", axes, axis_rows(plan), kind="words"))
+        found.append(page.table("What is varied", axes, axis_rows(plan, shown_plan), kind="words"))
     found.append(page.table(which, ("What", "How it is"), set_up(plan), kind="words"))
     shown = _shortened(tree)
     cut = f"; {OWNER} has the lists that are cut short" if shown != tree else ""
@@ -145,6 +145,12 @@ def _methods(summary: Summary) -> list[str]:
             f" {count}. Of {many(count, 'interval')} for 95 %, {0.05 * count:.2g} would leave out"
             " the truth by chance on average.",
         ]
+    if any(cell.delay.s_mean for cell in summary.cells):
+        told.append(
+            "A packet is delivered at the first tick at or after its arrival, and at the next tick"
+            " at the earliest: the delay that was delivered is longer than the one asked for. It is"
+            " the mean over packets, of the first copy of each."
+        )
     if summary.tolerated:
         told.append(
             "How much is tolerated is where the rate first falls below"

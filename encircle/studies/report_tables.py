@@ -10,26 +10,30 @@ import numpy as np
 from encircle.measures import MEASURES
 from encircle.statistics import Interval
 from encircle.studies import page
-from encircle.studies.plan import Plan
+from encircle.studies.plan import DELIVERED, Plan
 from encircle.studies.sentences import where_text
-from encircle.studies.summary import Comparison, Summary, Tolerated
+from encircle.studies.summary import Cell, Comparison, Summary, Tolerated
 from encircle.studies.views import label, varied
 
 CSV = "summary.csv"
 ROWS_MAX, MEASURED_ROWS_MAX = 1000, 200
 SIDE_BY_SIDE_MAX = 4
 NONE = "\N{EN DASH}"
+DELAY_HEAD = ("Mean delay, asked (s)", "Mean delay, delivered (s)")
 
 
 def tables(summary: Summary) -> list[str]:
     """Cells, comparisons and tolerances."""
     plan = summary.plan
     axes = plan.all_axes
-    head = [*([axis.title for axis in axes] or ["Cell"]), "Runs", "Captured"]
+    delayed = any(cell.delay.s_mean for cell in summary.cells)
+    head = [*([axis.title for axis in axes] or ["Cell"]), *(DELAY_HEAD if delayed else ())]
+    head += ["Runs", "Captured"]
     head += ["Capture rate (%)", "Restricted mean time (s)", "Median time (s)"]
     rows = [
         (
             *_levels(plan, cell.cell),
+            *(_delays(cell) if delayed else ()),
             str(cell.runs),
             str(int(summary.captured[cell.cell].sum())),
             _interval(cell.rate, ".1f", 100.0),
@@ -45,6 +49,12 @@ def tables(summary: Summary) -> list[str]:
     if summary.tolerated:
         found.append(_tolerances(summary))
     return found
+
+
+def _delays(cell: Cell) -> tuple[str, str]:
+    """The mean delay that a cell's scenario asks for, and the one that came of it."""
+    model, s_mean = cell.delay
+    return f"{s_mean:.4g} ({model})", _interval(cell.means[DELIVERED], ".4g")
 
 
 def _comparisons(summary: Summary) -> str:

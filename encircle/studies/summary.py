@@ -5,7 +5,7 @@ columns needed, so a summary takes no more memory for a long table than for a sh
 """
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -29,8 +29,9 @@ from encircle.statistics import (
     tolerance,
 )
 from encircle.statistics import logrank as logrank_of
-from encircle.studies.plan import Axis, Plan
+from encircle.studies.plan import DELIVERED, Axis, Plan
 from encircle.studies.table import StudyTable
+from world.delay_means import Asked, asked, delivered_s_mean
 
 CAPTURED, TICKS = "captured", "ticks"
 
@@ -38,7 +39,8 @@ CAPTURED, TICKS = "captured", "ticks"
 class Cell(NamedTuple):
     """One cell: its levels, how often and when it captures, and the means of its measures.
 
-    ``time_s``: mean time to capture up to the limit of the run, ``limit_s``.
+    ``time_s``: mean time to capture up to the limit of the run, ``limit_s``. ``delay``: what its
+    scenario asks of the radio; what came of it is among the means.
     """
 
     cell: int
@@ -48,6 +50,7 @@ class Cell(NamedTuple):
     time_s: Interval
     limit_s: float
     survival: Survival
+    delay: Asked
     means: Mapping[str, Interval]
 
 
@@ -157,10 +160,11 @@ class Summary:
         """For each numeric axis and setting of the others, how far capture holds."""
         found = []
         for axis in self.plan.all_axes:
-            ascending = axis.numeric and list(axis.levels) == sorted(axis.levels)
-            if not ascending or len(axis.levels) < 3 or self.captured.shape[1] < 2:
+            if not axis.numeric or len(axis.levels) < 3 or self.captured.shape[1] < 2:
                 continue
-            levels = [float(level) for level in axis.levels]
+            levels = list(axis.shown_values)
+            if levels != sorted(set(levels)):
+                continue
             for others, row in rows_along(self.plan, axis):
                 held, rising = _held(levels, self.captured[list(row)], self.plan.tolerated_rate)
                 found.append(Tolerated(axis.name, others, held, rising))
@@ -177,13 +181,15 @@ class Summary:
                 for name in ("capture_rate", "time_s_restricted", *measured)
                 for end in ("", "_low", "_high")
             ]
-            writer.writerow(["cell", *names, "runs", *spread, "median_s"])
+            delay = ["delay_model", "delay_s_mean_asked"]
+            writer.writerow(["cell", *names, "runs", *spread, "median_s", *delay])
             for cell, tick_s in zip(self.cells, self.tick_s, strict=True):
                 intervals = (cell.rate, cell.time_s, *(cell.means[name] for name in measured))
                 numbers = [f"{v:.10g}" for interval in intervals for v in interval]
                 levels = [cell.levels[name] for name in names]
                 median_s = f"{cell.survival.median * tick_s:.10g}"
-                writer.writerow([cell.cell, *levels, cell.runs, *numbers, median_s])
+                delay = [cell.delay.model, f"{cell.delay.s_mean:.10g}"]
+                writer.writerow([cell.cell, *levels, cell.runs, *numbers, median_s, *delay])
 
 
 def _held(levels: list[float], captured: NDArray[np.bool_], rate: float) -> tuple[Interval, bool]:
@@ -216,13 +222,38 @@ def summarise(plan: Plan, table: StudyTable) -> Summary:
                 restricted_mean_ticks(seconds, flags, limit_s),
                 limit_s,
                 survival(times, flags),
+                asked(scenario.channel, scenario.ids),
                 {name: mean(rows[name].to_numpy()) for name in numbers if name != CAPTURED},
             )
         )
         captured.append(flags)
         ticks.append(times)
         tick_s.append(scenario.tick_s)
+    shown = {
+        axis.name: _delivered_s(plan, axis, cells) for axis in plan.axes if axis.show == "delivered"
+    }
+    plan = plan.as_delivered(shown) if shown else plan
     return Summary(plan, tuple(cells), np.array(captured), np.array(ticks), tuple(tick_s))
+
+
+def _delivered_s(plan: Plan, axis: Axis, cells: Sequence[Cell]) -> list[float]:
+    """Mean delay in s delivered at each level of an axis, over the cells in which any is.
+
+    Where nothing was delivered it is the delay that would have been, of a packet alone.
+    """
+    along = plan.all_axes.index(axis)
+    by_level: list[list[Cell]] = [[] for _ in axis.levels]
+    for cell in cells:
+        by_level[plan.cells[cell.cell][along]].append(cell)
+    return [_delivered_s_mean(plan, level) for level in by_level]
+
+
+def _delivered_s_mean(plan: Plan, cells: Sequence[Cell]) -> float:
+    means_s = np.array([cell.means[DELIVERED].value for cell in cells])
+    if np.isnan(means_s).all():
+        scenario = plan.scenario_of(cells[0].cell)
+        return delivered_s_mean(scenario.channel.delay, scenario.tick_s)
+    return float(np.nanmean(means_s))
 
 
 def rows_along(plan: Plan, axis: Axis) -> Iterator[tuple[dict[str, Any], tuple[int, ...]]]:

@@ -75,9 +75,20 @@ def seeds_text(seeds: Sequence[int]) -> str:
     return f"{len(seeds)}: {few}"
 
 
-def axis_rows(plan: Plan) -> list[tuple[str, str, str]]:
-    """What is varied: axis, key, levels; of arms, which keys each sets to what."""
-    return [(axis.title, _keys(axis), _levels(axis)) for axis in plan.all_axes]
+def axis_rows(plan: Plan, shown: Plan) -> list[tuple[str, str, str]]:
+    """What is varied: axis, key, levels; of arms, which keys each sets to what.
+
+    ``shown``: the plan as the study shows it, delays as they were delivered.
+    """
+    pairs = zip(plan.all_axes, shown.all_axes, strict=True)
+    return [
+        (axis.title, _keys(axis), _levels(axis) + _delivered(delivered))
+        for axis, delivered in pairs
+    ]
+
+
+def _delivered(axis: Axis) -> str:
+    return f"; delivered: {_levels(axis)}" if axis.show == "delivered" else ""
 
 
 def _keys(axis: Axis) -> str:
