@@ -5,7 +5,9 @@ k = 0, 1, ... of P(N > k), of which the first is 1 and the others are P(D > k h)
 """
 
 import json
+import re
 from math import inf, log, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -155,3 +157,13 @@ def test_a_run_shows_the_delay_that_came_of_it_beside_the_one_asked_for(tmp_path
         assert found["delay_model"] == "constant"
         assert found["delay_s_mean_asked"] == 0.05
         assert found["delay_s_mean"] == pytest.approx(0.1)
+
+
+def test_the_table_in_the_documentation_is_what_its_command_prints(capsys):
+    text = (Path(__file__).parent.parent / "docs" / "radio.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(from world\.delay_means.*?)```", text, re.DOTALL)
+    exec(compile(code, "docs/radio.md", "exec"), {})
+    printed = capsys.readouterr().out.splitlines()
+    assert len(printed) == 8
+    for line in printed:
+        assert any(row.startswith(line) for row in text.splitlines()), line

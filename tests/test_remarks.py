@@ -65,6 +65,35 @@ def test_crashes_that_leave_too_few_for_good_are_told_of_with_the_tick():
     assert line.startswith("events: from tick 9 on")
 
 
+@pytest.mark.parametrize(
+    ("delay", "asked", "comes"),
+    [
+        ("mean_s=0.05", "0.05 s on average (constant)", "0.1 s"),
+        ("model='exponential', mean_s=0.05", "0.05 s on average (exponential)", "0.116 s"),
+        ("model='uniform', low_s=0.0, high_s=0.04", "0.02 s on average (uniform)", "0.1 s"),
+        (
+            "model='trace', values=[0.01, 0.12, 0.01, 0.01]",
+            "0.0375 s on average (trace)",
+            "0.125 s",
+        ),
+    ],
+)
+def test_a_delay_of_at_most_half_a_tick_is_told_what_will_come_of_it(delay, asked, comes):
+    (line,) = remarks(f"channel.delay={{{delay}}}")
+    assert line.startswith(f"channel.delay: {asked} is at most half a tick")
+    assert f"the mean delay will be about {comes} (" in line
+    assert remarks(f"channel.delay={{{delay}}}", "tick_s=0.02") == []
+
+
+def test_only_delays_that_are_asked_for_and_meet_some_link_are_told_of():
+    assert remarks() == remarks("channel.delay.mean_s=0.0") == []
+    assert remarks("channel.delay.mean_s=0.051") == []
+    assert remarks("channel.delay.mean_s=0.04", team={"positions": [[3.0, 0.0]]})[1:] == []
+    links = "channel.links=[{sender='r2', delay={mean_s=0.01}}]"
+    (line,) = remarks("channel.delay.mean_s=0.3", links)
+    assert line.startswith("channel.links.0.delay: 0.01 s on average (constant)")
+
+
 def test_the_python_api_warns_before_the_run():
     with pytest.warns(encircle.ScenarioRemark, match=NEVER) as caught:
         encircle.run({**SMALL, "team": {"robots": 2}}, link="memory")

@@ -8,7 +8,8 @@ a line each: the commands on standard error, the Python API as a ``ScenarioRemar
 from typing import TYPE_CHECKING
 
 from world.capture_bounds import ROBOTS_MIN, most_within
-from world.radio_model import Crash
+from world.delay_means import delivered_s_mean, mean_s
+from world.radio_model import Crash, delay_parts
 
 if TYPE_CHECKING:
     from world.scenario import Scenario
@@ -20,7 +21,7 @@ class ScenarioRemark(UserWarning):
 
 def remarks_on(scenario: "Scenario") -> list[str]:
     """Plain sentences on a valid scenario, key and value first; empty if there are none."""
-    return [*_who_can_capture(scenario)]
+    return [*_who_can_capture(scenario), *_short_delays(scenario)]
 
 
 def _who_can_capture(scenario: "Scenario") -> list[str]:
@@ -71,3 +72,18 @@ def _lost_for_good(scenario: "Scenario") -> list[str]:
         f"events: from tick {ticks[spare]} on crashes leave {ROBOTS_MIN - 1} of {count} robots or"
         f" fewer for good: they can never capture, which takes {ROBOTS_MIN}"
     ]
+
+
+def _short_delays(scenario: "Scenario") -> list[str]:
+    """Delays that ticks make much longer, and what will come of them."""
+    tick_s, found = scenario.tick_s, []
+    for key, links, delay in delay_parts(scenario.channel, scenario.ids):
+        asked_s = mean_s(delay)
+        if links.any() and 0.0 < asked_s <= tick_s / 2.0:
+            found.append(
+                f"{key}: {asked_s:.3g} s on average ({delay.model}) is at most half a tick of"
+                f" {tick_s:g} s; packets arrive at ticks, at the next one at the earliest, so that"
+                f" the mean delay will be about {delivered_s_mean(delay, tick_s):.3g} s (with a"
+                " smaller tick_s less)"
+            )
+    return found

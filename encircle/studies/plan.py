@@ -149,7 +149,7 @@ class Axis(_Model):
 
     @property
     def shown_values(self) -> tuple[float, ...]:
-        """What the levels of a numeric axis are shown by, not yet in ``unit``: places on a scale."""
+        """What the levels of a numeric axis are shown by, before ``scale``: places on a line."""
         return self._delivered_s or tuple(float(level) for level in self.levels)
 
     def shown_value(self, value: float) -> str:
