@@ -5,10 +5,12 @@ resampled. A run that does not capture within the limit is censored: its time is
 It is never dropped and never taken for a capture.
 
 Resampling cannot show what the sample lacks: runs that all ended alike have resamples that all end
-alike, though the true rate need not be 0 or 1. So rates have Wilson's intervals, their differences
-Newcombe's, made of Wilson's, and a tolerance is widened to where Wilson's bounds cross. Means have
-the bootstrap's alone: no width says that all values were equal, not that the mean is known.
-Resamples are the same at every call. Nothing here corrects for the number of comparisons.
+alike, though the true rate need not be 0 or 1. So rates have Wilson's intervals, a mean time is
+widened by what Wilson's leave open of runs without capture, and a tolerance to where Wilson's
+bounds cross. Means of measures have the bootstrap's alone: no width says that all values were
+equal, not that the mean is known. Resamples are the same at every call.
+
+Cells are compared with each other in ``encircle.comparisons``.
 """
 
 import warnings
@@ -17,11 +19,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
+from scipy import special, stats
 
 CONFIDENCE = 0.95
+UPPER = (1.0 + CONFIDENCE) / 2.0
+Z = float(stats.norm.ppf(UPPER))
 RESAMPLES = 2000
-PERMUTATIONS = 9999
 ROUNDING = 1e-12
 
 Floats = NDArray[np.float64]
@@ -56,27 +59,23 @@ class Survival(NamedTuple):
     median: float
 
 
-class Difference(NamedTuple):
-    """A cell b compared with a cell a on common seeds: b minus a.
-
-    ``effect``: the difference without unit, as the function says that made it. ``better``,
-    ``worse``, ``ties``: in how many of the ``pairs`` b does so. ``p``: two-sided.
-    """
-
-    mean: Interval
-    effect: Interval
-    better: int
-    worse: int
-    ties: int
-    pairs: int
-    p: float
-
-
 def capture_rate(captured: ArrayLike) -> Interval:
     """Share of runs (S,), S > 0, that captured, with Wilson's interval."""
-    flags = _flags("captured", captured)
-    found = stats.binomtest(int(flags.sum()), flags.size).proportion_ci(CONFIDENCE, "wilson")
-    return Interval(float(flags.mean()), float(found.low), float(found.high))
+    flags = flags_of("captured", captured)
+    return wilson(float(flags.mean()), flags.size)
+
+
+def wilson(share: float, count: int) -> Interval:
+    """Wilson's interval for a share of ``count`` independent units.
+
+    If units have shares of their own, the mean of which it is, it is wider than it need be: nothing
+    from 0 to 1 varies more than what is 0 or 1.
+    """
+    square = Z**2 / count
+    centre = (share + square / 2.0) / (1.0 + square)
+    half = np.sqrt(share * (1.0 - share) * square + square**2 / 4.0) / (1.0 + square)
+    low, high = np.clip((centre - half, centre + half), 0.0, 1.0)
+    return Interval(share, float(min(low, share)), float(max(high, share)))
 
 
 def survival(ticks: ArrayLike, captured: ArrayLike) -> Survival:
@@ -86,7 +85,7 @@ def survival(ticks: ArrayLike, captured: ArrayLike) -> Survival:
     place. There it is Wilson's for the runs that lasted to that tick, none or all of which
     captured by its end. As a share never rises, the upper bound before a share of 0 holds too.
     """
-    times, flags = _times(ticks, captured)
+    times, flags = times_of(ticks, captured)
     free = stats.ecdf(stats.CensoredData.right_censored(times, ~flags)).sf
     share = free.probabilities
     with warnings.catch_warnings():
@@ -111,7 +110,7 @@ def logrank(
     NaN if the runs cannot tell, as without any capture. The test takes the cells for independent;
     if common seeds make their times alike, p is rather too large than too small.
     """
-    runs = _times(ticks_a, captured_a), _times(ticks_b, captured_b)
+    runs = times_of(ticks_a, captured_a), times_of(ticks_b, captured_b)
     a, b = (stats.CensoredData.right_censored(times, ~flags) for times, flags in runs)
     # A variance of 0 says that they cannot tell; rounding makes the statistic 0/0 or x/0 then.
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -122,65 +121,49 @@ def logrank(
 def mean(values: ArrayLike, *, resamples: int = RESAMPLES) -> Interval:
     """Mean of values (S,) but for NaNs, with a BCa bootstrap interval; no bounds if S < 2.
 
-    Of few and skewed values it covers less than 95 %: about 92 % for 40 exponential ones.
+    Of few and skewed values it covers less than 95 %: about 92 % for 40 exponential ones, and far
+    less if values that are rare and large are missing from the sample.
     """
-    found = _column("values", values)
-    return _bootstrap(found[~np.isnan(found)], np.mean, resamples)
+    found = column("values", values)
+    found = found[~np.isnan(found)]
+    value = float(found.mean()) if found.size else np.nan
+    if found.size < 2:
+        return Interval(value)
+    if np.ptp(found) == 0.0:
+        return Interval(value, value, value)
+    return Interval(value, *_bounds(found, np.mean, resamples, "BCa"))
 
 
-def restricted_mean_ticks(
-    ticks: ArrayLike, captured: ArrayLike, limit: float, *, resamples: int = RESAMPLES
-) -> Interval:
+def restricted_mean_ticks(ticks: ArrayLike, captured: ArrayLike, limit: float) -> Interval:
     """Mean of min(time to capture, ``limit``) over runs (S,), as the area under their survival.
 
-    A run without capture that ends before the limit is a ValueError: its time is not known.
+    Or of runs (X, S) of X settings on S common seeds, which are the independent units. No bounds
+    if S < 2. A run without capture that ends before the limit is a ValueError: its time is not
+    known.
+
+    A few runs without capture make up much of the mean, and a sample may well hold none of them. So
+    it is told apart into the times of captures about their mean c, a run without one counting as c,
+    and the share of runs without capture times (limit - c). The first has Student's interval, the
+    second Wilson's; the distances to their bounds are joined as the sides of a right angle
+    (Zou and Donner 2008, Statistics in Medicine 27, 1693-1702). Without any capture c is 0.
     """
-    times, flags = _times(ticks, captured)
-    if (~flags & (times < limit)).any():
-        raise ValueError(f"ticks={times[~flags].min():g} without capture, must reach {limit=:g}")
-    return mean(np.minimum(times, limit), resamples=resamples)
-
-
-def paired_difference(
-    a: ArrayLike, b: ArrayLike, *, less_is_better: bool = True, resamples: int = RESAMPLES
-) -> Difference:
-    """``b`` minus ``a``, values (S,) of the same seeds; pairs with a NaN are dropped.
-
-    ``effect`` is Cohen's d_z, the mean of the differences over their standard deviation: NaN if
-    that is 0; a bound is infinite where it is 0 in resamples. ``p`` is by changing signs of
-    differences, in all ways up to 13 pairs, else in ``PERMUTATIONS`` drawn ones. It supposes that
-    a difference is as likely as its opposite. Unlike Wilcoxon's it needs no rule for ties.
-    """
-    first = _column("a", a)
-    change = _column("b", b, first.size) - first
-    change = change[~np.isnan(change)]
-    order = (-1, 1, 0) if less_is_better else (1, -1, 0)
-    better, worse, ties = (int((np.sign(change) == sign).sum()) for sign in order)
-    effect, p = Interval(), 1.0 if change.size else np.nan
-    if change.size > 1:
-        signs: dict[str, Any] = {"permutation_type": "samples", "n_resamples": PERMUTATIONS}
-        p = float(stats.permutation_test((change,), np.mean, rng=0, **signs).pvalue)
-        if change.std() > ROUNDING * np.abs(change).max():
-            effect = _bootstrap(change, _standardised, resamples)
-    centre = _bootstrap(change, np.mean, resamples)
-    return Difference(centre, effect, better, worse, ties, change.size, p)
-
-
-def rate_difference(captured_a: ArrayLike, captured_b: ArrayLike) -> Difference:
-    """Rate of capture of b minus that of a, runs (S,), S > 0, of the same seeds.
-
-    ``mean`` has Newcombe's interval, which keeps a width where no pair differs. ``effect`` is
-    Cohen's g: b's share of the pairs in which one captured and the other did not, minus 1/2, with
-    Wilson's interval, NaN without such pairs. ``p`` is McNemar's exact, 1 without such pairs.
-    """
-    a = _flags("captured_a", captured_a)
-    b = _flags("captured_b", captured_b, a.size)
-    better, worse, ties = (int(pairs.sum()) for pairs in (b & ~a, a & ~b, a == b))
-    effect, p = Interval(), 1.0
-    if better + worse:
-        effect = Interval(*(bound - 0.5 for bound in capture_rate(b[a != b])))
-        p = float(stats.binomtest(better, better + worse).pvalue)
-    return Difference(_newcombe(a, b), effect, better, worse, ties, a.size, p)
+    times = np.asarray(ticks, np.float64)
+    flags = np.asarray(captured)
+    flat, caught = times_of(times.ravel(), flags.ravel())
+    if (~caught & (flat < limit)).any():
+        raise ValueError(f"ticks={flat[~caught].min():g} without capture, must reach {limit=:g}")
+    caught = (caught & (flat <= limit)).reshape(times.shape)
+    known = np.minimum(times, limit)
+    value, seeds = float(known.mean()), times.shape[-1]
+    if seeds < 2:
+        return Interval(value)
+    centre = float(known[caught].mean()) if caught.any() else 0.0
+    apart = np.atleast_2d(np.where(caught, known - centre, 0.0)).mean(axis=0)
+    half = special.stdtrit(seeds - 1, UPPER) * stats.sem(apart)
+    share, low, high = wilson(float((~caught).mean()), seeds)
+    down, up = (limit - centre) * (share - low), (limit - centre) * (high - share)
+    bounds = value - np.hypot(half, down), value + np.hypot(half, up)
+    return Interval(value, max(float(bounds[0]), 0.0), min(float(bounds[1]), float(limit)))
 
 
 def tolerance(
@@ -196,7 +179,7 @@ def tolerance(
     all runs ended alike at a level next to the crossing. Where the true rate lies near ``rate``
     over many levels, chance alone makes the first crossing early.
     """
-    steps, table = _column("levels", levels), np.asarray(captured)
+    steps, table = column("levels", levels), np.asarray(captured)
     if steps.size < 2 or not (np.diff(steps) > 0.0).all():
         raise ValueError(f"levels={steps!r} must be two or more, ascending")
     if table.ndim != 2 or len(table) != steps.size or table.shape[1] < 2:
@@ -220,57 +203,30 @@ def tolerance(
     return Interval(known, min(low, last), max(high, value, first))
 
 
-def _column(name: str, values: ArrayLike, size: int | None = None) -> Floats:
-    column = np.asarray(values, np.float64)
-    if column.ndim != 1 or np.isinf(column).any() or size not in (None, column.size):
+def column(name: str, values: ArrayLike, size: int | None = None) -> Floats:
+    """Values as a list, of ``size`` if given; a ValueError names what is none."""
+    found = np.asarray(values, np.float64)
+    if found.ndim != 1 or np.isinf(found).any() or size not in (None, found.size):
         count = "" if size is None else f" of {size}"
-        raise ValueError(f"{name}={column!r} must be a list{count}, of finite numbers or NaN")
-    return column
+        raise ValueError(f"{name}={found!r} must be a list{count}, of finite numbers or NaN")
+    return found
 
 
-def _flags(name: str, captured: ArrayLike, size: int | None = None) -> Flags:
-    flags = _column(name, captured, size)
+def flags_of(name: str, captured: ArrayLike, size: int | None = None) -> Flags:
+    """One or more of true and false, as ``column`` takes them."""
+    flags = column(name, captured, size)
     if not flags.size or not np.isin(flags, (0.0, 1.0)).all():
         raise ValueError(f"{name}={flags!r} must be one or more of true and false")
     return flags.astype(np.bool_)
 
 
-def _times(ticks: ArrayLike, captured: ArrayLike) -> tuple[Floats, Flags]:
-    flags = _flags("captured", captured)
-    times = _column("ticks", ticks, flags.size)
+def times_of(ticks: ArrayLike, captured: ArrayLike) -> tuple[Floats, Flags]:
+    """Times of runs and whether they captured, checked."""
+    flags = flags_of("captured", captured)
+    times = column("ticks", ticks, flags.size)
     if not (times >= 0.0).all():
         raise ValueError(f"ticks={times!r} must be 0 or more")
     return times, flags
-
-
-def _newcombe(a: Flags, b: Flags) -> Interval:
-    """Newcombe (1998), Statistics in Medicine 17, 2635-2650, method 10."""
-    covariance, spread = (a & b).mean() - a.mean() * b.mean(), a.std() * b.std()
-    if covariance > 0.0:
-        covariance = max(covariance - 0.5 / a.size, 0.0)  # corrected for continuity
-    correlation = covariance / spread if spread else 0.0
-    (rate_a, low_a, high_a), (rate_b, low_b, high_b) = capture_rate(a), capture_rate(b)
-    x = np.array([rate_b - low_b, high_b - rate_b])
-    y = np.array([high_a - rate_a, rate_a - low_a])
-    down, up = np.sqrt(x**2 - 2.0 * correlation * x * y + y**2)
-    return Interval(rate_b - rate_a, float(rate_b - rate_a - down), float(rate_b - rate_a + up))
-
-
-def _standardised(values: Floats, *, axis: int) -> Floats:
-    """Mean over standard deviation: without deviation infinite, or 0 if the mean is."""
-    count, centre = values.shape[axis], values.mean(axis=axis)
-    spread = values.std(axis=axis) * np.sqrt(count / max(count - 1, 1))  # ddof warns of one value
-    ratio = centre / np.where(spread > ROUNDING * np.abs(centre), spread, 0.0)
-    return np.asarray(np.where(np.isnan(ratio), 0.0, ratio))
-
-
-def _bootstrap(values: Floats, statistic: Callable[..., Any], resamples: int) -> Interval:
-    value = float(statistic(values, axis=-1)) if values.size else np.nan
-    if values.size < 2:
-        return Interval(value)
-    if np.ptp(values) == 0.0:
-        return Interval(value, value, value)
-    return Interval(value, *_bounds(values, statistic, resamples, "BCa"))
 
 
 def _bounds(

@@ -7,18 +7,17 @@ than the test runs have shown, and fails by chance below 1e-6. Its seeds are fix
 
 from fractions import Fraction
 from itertools import product
-from math import comb, isinf, isnan, sqrt
+from math import isnan, sqrt
 
 import numpy as np
 import pytest
+from helpers_intervals import Z, assert_covers, holds, wilson
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
 from encircle import statistics
 from encircle.statistics import Interval
-
-Z = 1.959963984540054
 
 # Freireich et al. (1963), Blood 21, 699-716: weeks of remission under 6-MP and under placebo.
 WEEKS_6MP = [6, 6, 6, 6, 7, 9, 10, 10, 11, 13, 16, 17, 19, 20, 22, 23, 25, 32, 32, 34, 35]
@@ -27,26 +26,6 @@ WEEKS_PLACEBO = [1, 1, 2, 2, 3, 4, 4, 5, 5, 8, 8, 8, 8, 11, 11, 12, 12, 15, 17, 
 RELAPSED_PLACEBO = [1] * 21
 
 runs = st.lists(st.tuples(st.integers(0, 6), st.booleans()), min_size=1, max_size=12)
-
-
-def wilson(captured, n):
-    """Roots of (p - rate)^2 = z^2 p (1 - p) / n."""
-    rate = captured / n
-    centre = (rate + Z**2 / (2 * n)) / (1 + Z**2 / n)
-    half = Z / (1 + Z**2 / n) * sqrt(rate * (1 - rate) / n + Z**2 / (4 * n**2))
-    return centre - half, centre + half
-
-
-def assert_covers(hits, least, most):
-    """That coverage in [least, most] is not refuted; it would be by chance below 1e-6."""
-    hits = list(hits)
-    fewest = stats.binom.ppf(5e-7, len(hits), least)
-    largest = stats.binom.isf(5e-7, len(hits), most)
-    assert fewest <= sum(hits) <= largest, f"{sum(hits)} of {len(hits)}"
-
-
-def holds(interval, truth):
-    return interval.low <= truth <= interval.high
 
 
 def test_an_interval_prints_its_three_numbers_alike():
@@ -269,132 +248,9 @@ def test_restricted_mean_is_the_area_under_the_survival_curve():
     area = np.diff(edges) @ np.concatenate(([1], free.share[:-1]))
     found = statistics.restricted_mean_ticks(ticks, captured, 120)
     assert found.value == pytest.approx(area)
-    assert found == statistics.mean(ticks)
     assert statistics.restricted_mean_ticks(ticks, captured, 60).value == pytest.approx(
         np.minimum(times, 60).mean()
     )
-
-
-def test_paired_difference_by_enumeration():
-    a = np.array([3.0, 1.0, 4.0, 1.0, 5.0, 9.0, 2.0, 6.0])
-    b = np.array([5.0, 1.0, 3.0, 4.0, 9.0, 9.0, 7.0, 5.0])
-    change = b - a
-    flipped = [abs(np.dot(signs, change)) for signs in product((-1, 1), repeat=8)]
-    found = statistics.paired_difference(a, b)
-    assert found.p == np.mean(np.array(flipped) >= abs(change.sum()) - 1e-9)
-    assert (found.better, found.worse, found.ties, found.pairs) == (2, 4, 2, 8)
-    assert found.mean == statistics.mean(change)
-    assert found.effect.value == pytest.approx(change.mean() / np.std(change, ddof=1))
-    assert found.effect.low < found.effect.value < found.effect.high
-
-
-def test_drawn_sign_changes_are_near_all_of_them():
-    change = np.random.default_rng(5).normal(0.4, 1.0, 15)
-    signs = 1 - 2 * (np.arange(2**15)[:, None] >> np.arange(15) & 1)
-    p = np.mean(abs(signs @ change) >= abs(change.sum()) - 1e-9)
-    found = statistics.paired_difference(np.zeros(15), change).p
-    # Five standard errors, as p is twice a share of the draws: false alarm below 1e-6.
-    assert found == pytest.approx(p, abs=5 * sqrt(2 * p / statistics.PERMUTATIONS))
-    assert 0.01 < p < 0.5
-
-
-def test_the_other_way_round_the_paired_difference_is_opposite():
-    rng = np.random.default_rng(6)
-    a, b = rng.normal(size=30), rng.normal(0.2, 1.0, 30)
-    there, back = statistics.paired_difference(a, b), statistics.paired_difference(b, a)
-    assert back.mean.value == -there.mean.value
-    assert (back.better, back.worse) == (there.worse, there.better)
-    more = statistics.paired_difference(a, b, less_is_better=False)
-    assert (more.better, more.worse) == (there.worse, there.better)
-    assert (more.mean, more.effect, more.p) == (there.mean, there.effect, there.p)
-
-
-def test_pairs_with_an_undefined_value_are_dropped():
-    nan = float("nan")
-    found = statistics.paired_difference([1, nan, 3, 4, 8], [2, 5, nan, 4, 3])
-    assert found == statistics.paired_difference([1, 4, 8], [2, 4, 3])
-    assert (found.pairs, found.better, found.worse, found.ties) == (3, 1, 1, 1)
-    nothing = statistics.paired_difference([nan, 1.0], [2.0, nan])
-    assert nothing.pairs == 0
-    assert all(map(isnan, (*nothing.mean, *nothing.effect, nothing.p)))
-    assert statistics.paired_difference([1.0], [2.0]).p == 1.0
-
-
-def test_differences_that_are_all_the_same_have_no_standardised_size():
-    shifted = statistics.paired_difference([0.2, 0.3, 0.7], [0.3, 0.4, 0.8])
-    same = statistics.paired_difference([0.2, 0.3, 0.7], [0.2, 0.3, 0.7])
-    assert all(map(isnan, (*shifted.effect, *same.effect)))
-    assert (same.p, same.mean, same.ties) == (1.0, (0.0, 0.0, 0.0), 3)
-    # 37 alike and one apart: a third of the resamples has no deviation at all.
-    nearly = statistics.paired_difference([0.0] * 38, [0.3] * 37 + [0.4]).effect
-    assert nearly.value == pytest.approx(np.mean([3] * 37 + [4]) / np.std([0] * 37 + [1], ddof=1))
-    assert isinf(nearly.high)
-    assert 0 < nearly.low < nearly.value
-
-
-def test_paired_difference_covers(monkeypatch):
-    # BCa of 40 pairs covers the mean at 94 %, the standardised difference at 95 %.
-    monkeypatch.setattr(statistics, "PERMUTATIONS", 99)
-    rng = np.random.default_rng(7)
-
-    def study():
-        seed = rng.normal(0.0, 3.0, 40)
-        a, b = seed + rng.normal(size=40), seed + rng.normal(0.5, 1.0, 40)
-        return statistics.paired_difference(a, b, resamples=1000)
-
-    found = [study() for _ in range(600)]
-    assert_covers((holds(x.mean, 0.5) for x in found), 0.925, 0.95)
-    assert_covers((holds(x.effect, 0.5 / sqrt(2)) for x in found), 0.94, 0.96)
-    # Seeds vary by 3, the difference by sqrt(2): only the latter is left in the interval.
-    assert np.mean([x.mean.high - x.mean.low for x in found]) < 2 * 2.2 * sqrt(2 / 40)
-
-
-def paired_flags(both, only_a, only_b, neither):
-    counts = (both, only_a, only_b, neither)
-    return np.repeat([True, True, False, False], counts), np.repeat(
-        [True, False, True, False], counts
-    )
-
-
-def test_rate_difference_of_a_published_table():
-    # Fagerland, Lydersen and Laake (2017), Statistical Analysis of Contingency Tables, chapter 8:
-    # complete response before and after consolidation therapy, Newcombe's interval.
-    after, before = paired_flags(59, 6, 16, 80)
-    found = statistics.rate_difference(before, after)
-    assert [round(x, 4) for x in found.mean] == [-0.0621, -0.1186, -0.0046]
-    assert (found.better, found.worse, found.ties, found.pairs) == (6, 16, 139, 161)
-    assert found.p == pytest.approx(2 * sum(comb(22, k) for k in range(7)) / 2**22)
-    assert found.effect == pytest.approx([x - 0.5 for x in (6 / 22, *wilson(6, 22))])
-    back = statistics.rate_difference(after, before)
-    assert back.mean == pytest.approx((-found.mean.value, -found.mean.high, -found.mean.low))
-
-
-def test_rates_without_a_pair_that_differs_may_still_differ():
-    found = statistics.rate_difference([True] * 40, [True] * 40)
-    reach = 1 - wilson(40, 40)[0]
-    assert found.mean == pytest.approx((0.0, -reach, reach))
-    assert (found.p, found.ties) == (1.0, 40)
-    assert all(map(isnan, found.effect))
-
-
-def test_rate_difference_covers_by_enumeration():
-    # Exact for 12 pairs. Newcombe's interval covers more than 95 % near 0 and 1.
-    n = 12
-    tables = [
-        (x, y, z, n - x - y - z) for x, y, z in product(range(n + 1), repeat=3) if x + y + z <= n
-    ]
-    found = [statistics.rate_difference(*paired_flags(*table)).mean for table in tables]
-    chances = [
-        (0.4, 0.3, 0.2, 0.1),
-        (0.5, 0.1, 0.1, 0.3),
-        (0.6, 0.05, 0.3, 0.05),
-        (0.3, 0.2, 0.2, 0.3),
-    ]
-    for chance in chances:
-        mass = stats.multinomial.pmf(tables, n, chance)
-        truth = chance[2] - chance[1]
-        coverage = sum(m for m, x in zip(mass, found, strict=True) if holds(x, truth))
-        assert 0.93 < coverage < 0.99, chance
 
 
 def table(*captured, seeds=20):
@@ -494,8 +350,6 @@ def test_tolerance_covers(rates, rate, truth, least, most):
         (lambda: statistics.mean([1.0, float("inf")]), "values"),
         (lambda: statistics.mean([[1.0]]), "values"),
         (lambda: statistics.restricted_mean_ticks([5, 9], [True, False], 10), "ticks=9.*limit=10"),
-        (lambda: statistics.paired_difference([1.0, 2.0], [1.0]), "b="),
-        (lambda: statistics.rate_difference([True], [True, False]), "captured_b"),
         (lambda: statistics.tolerance([0.0], [[True, True]], 0.9), "levels"),
         (lambda: statistics.tolerance([1.0, 0.0], table(2, 1, seeds=2), 0.9), "levels"),
         (lambda: statistics.tolerance([0.0, 1.0], [[True, True]], 0.9), "captured"),

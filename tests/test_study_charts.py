@@ -376,7 +376,7 @@ def test_captions_say_how_many_runs_and_which_intervals(cases):
     assert "12 runs per curve" in figures["survival"].caption
     assert "limit, 30 s" in figures["time-by-loss"].caption
     assert "12 common seeds" in figures["differences"].caption
-    assert "number of comparisons, 5." in figures["differences"].caption
+    assert "by p corrected for 18 tests" in figures["differences"].caption
     assert all(drawn.alt.endswith(".") for drawn in figures.values())
 
 

@@ -104,7 +104,8 @@ def test_findings_question_and_command_stand_on_the_page(lines):
     assert "How much loss?" in page.words["p"]
     assert set(findings(summary)) <= set(page.words["li"])
     assert COMMAND in page.words["pre"]
-    assert any("not corrected" in text and "5 comparisons" in text for text in page.words["p"])
+    told = "5 comparisons and 1 averaged over settings, each of capture rate, order and mean time,"
+    assert any(f"{told} are 18 tests: their p are corrected" in text for text in page.words["p"])
     plan = summary.plan
     assert ["Fingerprint of the configuration", plan.fingerprint] in page.table("What was run")
     assert ["Digest of the code", "c0de"] in page.table("What was run")
@@ -141,7 +142,7 @@ def test_cells_have_the_tables_numbers(lines):
 
 
 def test_comparisons_have_the_tables_numbers(lines):
-    _directory, page, _summary, rows = lines
+    _directory, page, summary, rows = lines
     head, *body = page.table("Comparisons with strategy xi-star, which is subtracted, on 12")
     assert head[:2] == ["strategy", "packet loss (%)"]
     for place, line in enumerate(body):
@@ -155,10 +156,12 @@ def test_comparisons_have_the_tables_numbers(lines):
         lost = int((other["captured"] < base["captured"]).sum())
         assert line[3] == f"{won} / {lost}"
         p = stats.binomtest(won, won + lost).pvalue if won + lost else 1.0
-        assert line[5] == f"{p:.3f}"
+        assert line[5] == f"{summary.comparisons[place].rate.p_corrected:.3f} ({p:.3f})"
+        late, base_late = (x["ticks"] + 1000 * (1 - x["captured"]) for x in (other, base))
+        assert line[6] == f"{(late > base_late).sum()} / {(late < base_late).sum()}"
         seconds = 0.1 * (other["ticks"] - base["ticks"])
-        assert float(line[6].split(" ")[0]) == pytest.approx(seconds.mean(), abs=0.005 + 1e-9)
-        assert float(line[7].split(" ")[0]) == pytest.approx(
+        assert float(line[9].split(" ")[0]) == pytest.approx(seconds.mean(), abs=0.005 + 1e-9)
+        assert float(line[10].split(" ")[0]) == pytest.approx(
             seconds.mean() / seconds.std(ddof=1), abs=0.005 + 1e-9
         )
     assert len(body) == 5

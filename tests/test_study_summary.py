@@ -6,9 +6,10 @@ import pytest
 from helpers_studies import ARMS, DELAY, LOSS, filled, loss_only, never, study_plan
 from scipy import stats
 
+from encircle.studies.comparisons_csv import write_comparisons
 from encircle.studies.plan import STRATEGY
 from encircle.studies.sentences import findings, where_text
-from encircle.studies.summary import baseline_of, rows_along, summarise
+from encircle.studies.summary import CLAIMS, baseline_of, rows_along, summarise
 
 TWO = {"axes": [LOSS], "strategies": ["xi-star", "xi-0"], "seeds": 60}
 
@@ -170,15 +171,73 @@ def test_sentences_quote_the_intervals(two):
     assert f"{first.value:+.3g} [{first.low:+.3g}, {first.high:+.3g}] s" in said[4]
 
 
-def test_a_difference_whose_interval_holds_zero_is_undecided(two):
+def test_a_sentence_says_what_interval_and_corrected_p_say_both(two):
     _, _, summary = two
-    for sentence, one in zip(findings(summary)[4:], summary.comparisons, strict=True):
-        for what, interval in (
-            ("capture rate", one.rate.mean),
-            ("time to capture", one.time_s.mean),
+    told = [*summary.overall, *summary.comparisons]
+    for sentence, one in zip(findings(summary)[3:], told, strict=True):
+        parts = sentence.split(": ", 1)[1].split("; ")
+        for part, name in zip(parts, CLAIMS, strict=True):
+            test = getattr(one, name)
+            apart = test.mean.low > 0 or test.mean.high < 0
+            decided = apart and test.p_corrected <= 0.05
+            assert ("undecided" not in part) == decided
+            assert ("after correction" in part) == (apart and test.p <= 0.05 and not decided)
+            assert part.count(", p ") == part.count(", corrected ") == 1
+
+
+def test_every_p_is_corrected_for_all_that_a_report_tells(two):
+    _, _, summary = two
+    told = [*summary.comparisons, *summary.overall]
+    tests = [getattr(one, name) for one in told for name in CLAIMS]
+    assert len(tests) == summary.tests == 18
+    ascending = sorted(test.p for test in tests)
+    for test in tests:
+        before = [p * (18 - k) for k, p in enumerate(ascending) if p <= test.p]
+        assert test.p_corrected == pytest.approx(min(1.0, max(before)))
+
+
+def test_the_order_within_seeds_takes_a_run_without_capture_for_late(two):
+    _, frame, summary = two
+    for one in summary.comparisons:
+        here = frame[frame.loss == one.others["loss"]]
+        late = here.ticks + 1000 * (1 - here.captured)
+        a, b = (late[here.strategy == s].to_numpy() for s in ("xi-star", "xi-0"))
+        assert (one.order.worse, one.order.better) == ((b > a).sum(), (b < a).sum())
+        assert one.order.mean.value == pytest.approx(np.sign(b - a).mean())
+
+
+def test_times_are_compared_up_to_the_lower_of_two_limits(tmp_path):
+    arms = [{"name": name, "set": {"ticks_max": most}} for name, most in (("a", 300), ("b", 100))]
+    axes = [{"name": "limit", "arms": arms}]
+    _, frame, summary = summed(tmp_path, axes=axes, compare="limit", seeds=40)
+    (one,) = summary.comparisons
+    capped = [
+        np.minimum(0.1 * rows.ticks, 10.0).to_numpy()
+        for rows in (frame[frame["cell"] == cell] for cell in (0, 1))
+    ]
+    assert one.time_s.mean.value == pytest.approx((capped[1] - capped[0]).mean())
+    # A capture after the lower limit is as late as no capture up to it.
+    assert one.order.ties >= ((capped[0] == 10.0) & (capped[1] == 10.0)).sum() > 0
+
+
+def test_comparisons_csv_has_both_p_of_every_test(tmp_path, two):
+    _, _, summary = two
+    write_comparisons(summary, tmp_path / "comparisons.csv")
+    with open(tmp_path / "comparisons.csv", encoding="utf-8", newline="") as file:
+        lines = list(csv.DictReader(file))
+    told = [*summary.comparisons, *summary.overall]
+    assert [line["loss"] for line in lines] == [*map(str, LOSS["values"]), "all"]
+    for line, one in zip(lines, told, strict=True):
+        assert (line["strategy"], line["baseline"], line["pairs"]) == ("xi-0", "xi-star", "60")
+        for name, test in (
+            ("capture_rate", one.rate),
+            ("later_share", one.order),
+            ("time_s_restricted", one.time_s),
         ):
-            decided = interval.low > 0 or interval.high < 0
-            assert (f"{what} undecided" not in sentence) == decided
+            ends = ("difference", "low", "high", "p", "p_corrected")
+            numbers = [float(line[f"{name}_{end}"]) for end in ends]
+            assert numbers == pytest.approx([*test.mean, test.p, test.p_corrected])
+            assert line[f"{name}_decision"] == test.decision
 
 
 def test_nothing_captured_is_said_as_it_is(tmp_path):

@@ -1,7 +1,7 @@
 """The forest plot of a study's comparisons: each level minus the baseline, on common seeds.
 
-Rates differ in percentage points. A filled marker says that the interval leaves out zero; nothing
-is corrected for the number of comparisons.
+Rates differ in percentage points. A filled marker says that the difference is decided: its interval
+leaves out zero and its p does so too, corrected for all tests of the study.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from encircle.comparisons import Decision, Difference
 from encircle.drawing import DOTS_PER_INCH, WIDTH_IN
-from encircle.statistics import Interval
 from encircle.studies.chart_frames import (
     TALL_IN,
     Drawn,
@@ -77,11 +77,11 @@ def draw_differences(summary: Summary) -> Drawn | None:
     rows = [groups[k] for k in kept]
     figure = _draw(summary, axis, places, rows, [names[k] for k in kept], row_in + GROUP_IN)
     shown = [one for row in rows for one in row]
-    decided = sum(_decided(one.rate.mean) or _decided(one.time_s.mean) for one in shown)
+    decided = sum(_decided(one.rate) or _decided(one.time_s) for one in shown)
     alt = (
         f"Forest plot of {len(shown)} comparisons with {level_text(axis, base, named=True)}:"
-        " differences in capture rate and in mean time to capture; in"
-        f" {decided} an interval leaves out zero."
+        " differences in capture rate and in mean time to capture;"
+        f" {decided} of them decided."
     )
     return Drawn("differences", figure, _caption(summary, axis, base, len(shown)), alt)
 
@@ -104,8 +104,8 @@ def _draw(
         for k, one in enumerate(row):
             at = number + 0.5 + ROW_IN / row_in * (k - (len(row) - 1) / 2)
             style = look(axis, k, len(row)) if places else look(None, 0, 1)
-            _draw_row(panels[0], at, one.rate.mean, 100.0, style)
-            _draw_row(panels[1], at, one.time_s.mean, 1.0, style)
+            _draw_row(panels[0], at, one.rate, 100.0, style)
+            _draw_row(panels[1], at, one.time_s, 1.0, style)
     limit_s = max(cell.limit_s for cell in summary.cells)
     for axes, reach in zip(panels, (RATE_SPAN_MIN, TIME_SPAN_MIN * limit_s), strict=True):
         for number in range(1, len(rows), 2):
@@ -126,21 +126,21 @@ def _draw(
 def _handles(axis: Axis, places: Sequence[int]) -> list[Artist]:
     found = line_handles(axis, places, joined=False) if places else []
     plain: dict[str, Any] = {"color": "0.35", "marker": "o", "ls": "", "ms": 4}
-    found.append(Line2D([], [], **plain, label="interval without zero"))
-    found.append(Line2D([], [], **plain, mfc="white", label="interval with zero"))
+    found.append(Line2D([], [], **plain, label="decided"))
+    found.append(Line2D([], [], **plain, mfc="white", label="undecided"))
     return found
 
 
-def _decided(interval: Interval) -> bool:
-    return bool(interval.low > 0.0 or interval.high < 0.0)
+def _decided(test: Difference) -> bool:
+    return test.decision is not Decision.UNDECIDED
 
 
 def _draw_row(
-    axes: Axes, at: float, interval: Interval, scale: float, style: Mapping[str, Any]
+    axes: Axes, at: float, test: Difference, scale: float, style: Mapping[str, Any]
 ) -> None:
-    value, low, high = (scale * bound for bound in interval)
+    value, low, high = (scale * bound for bound in test.mean)
     axes.plot((low, high), (at, at), color=style["color"], lw=1.0, zorder=2)
-    face = style["color"] if _decided(interval) else "white"
+    face = style["color"] if _decided(test) else "white"
     axes.plot(value, at, **{**style, "ls": ""}, mfc=face, ms=4, zorder=3)
 
 
@@ -148,8 +148,8 @@ def _caption(summary: Summary, axis: Axis, base: int, shown: int) -> str:
     every, pairs = len(summary.comparisons), summary.comparisons[0].rate.pairs
     return (
         f"Differences from {level_text(axis, base, named=True)}: each level of {label(axis)} minus"
-        f" it, on {pairs} common seed{'s' * (pairs != 1)}. Bars: 95 % intervals, Newcombe's for the"
-        " rate, bootstrap over seeds for the time; runs without capture count as the limit,"
-        f" {limit_text(summary)}. Not corrected for the number of comparisons, {every}."
+        f" it, on {pairs} common seed{'s' * (pairs != 1)}. Bars: 95 % intervals, each for itself,"
+        " which allow for failures that the seeds do not show; runs without capture count as the"
+        f" limit, {limit_text(summary)}. Decided: by p corrected for {summary.tests} tests, too."
         + (f" {shown} of {every} are shown." if shown < every else "")
     )

@@ -63,7 +63,7 @@ TIME = Quantity(
     "time",
     "mean time to capture up to the limit of a run",
     "restricted mean time (s)",
-    "95 % bootstrap intervals over seeds",
+    "95 % intervals, which allow for failures that the runs do not show",
     lambda cell: cell.time_s,
 )
 

@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from encircle.statistics import CONFIDENCE, PERMUTATIONS, RESAMPLES
+from encircle.comparisons import ALPHA
+from encircle.statistics import CONFIDENCE, RESAMPLES
 from encircle.studies import page
 from encircle.studies.charts import FIGURES, Chart, write_charts
+from encircle.studies.comparisons_csv import COMPARISONS, write_comparisons
 from encircle.studies.plan import Plan
 from encircle.studies.report_tables import CSV, many, measures, tables
 from encircle.studies.sentences import findings
@@ -40,6 +42,8 @@ def write_report(
     assert table.done.all(), f"{int((~table.done).sum())} runs are missing"
     summary = summary or summarise(plan, table)
     summary.write_csv(directory / CSV)
+    if summary.comparisons:
+        write_comparisons(summary, directory / COMPARISONS)
     charts = write_charts(summary, directory)
     content = [
         *_opening(plan, date),
@@ -49,7 +53,7 @@ def write_report(
         *tables(summary),
         *measures(summary),
         *_methods(summary),
-        *_again(plan, table, command),
+        *_again(plan, table, command, bool(summary.comparisons)),
     ]
     path = directory / REPORT
     path.write_text(page.document(plan.title or plan.name, content), encoding="utf-8")
@@ -75,13 +79,22 @@ def _findings(summary: Summary) -> list[str]:
         cut = f", {FINDINGS_MAX} of them here" if len(more) > FINDINGS_MAX else ""
         told = f"{many(len(more), 'more finding')}{cut}"
         found.append(page.folded(told, [page.bullets(more[:FINDINGS_MAX])]))
-    note = "In brackets: 95 % intervals."
-    if count := len(summary.comparisons):
-        note += (
-            f" There {'are' if count > 1 else 'is'} {many(count, 'comparison')}; intervals and p"
-            " are not corrected for that."
-        )
+    note = "In brackets: 95 % intervals, each for itself."
+    if summary.comparisons:
+        note += f" {correction(summary)}"
     return [*found, page.paragraph(note, "soft")]
+
+
+def correction(summary: Summary) -> str:
+    """How many tests there are, and what was done about that, in a line."""
+    single, over, tests = len(summary.comparisons), len(summary.overall), summary.tests
+    averaged = f" and {over} averaged over settings" if over else ""
+    return (
+        f"{many(single, 'comparison')}{averaged}, each of capture rate, order and mean time, are"
+        f" {tests} tests: their p are corrected for that by Holm's procedure, the uncorrected p"
+        " stands beside, and a difference is decided only if both its corrected p is at most"
+        f" {ALPHA:g} and its interval leaves out zero."
+    )
 
 
 def _set_up(plan: Plan, shown_plan: Plan) -> list[str]:
@@ -119,7 +132,6 @@ def _figures(charts: Sequence[Chart]) -> list[str]:
 
 
 def _methods(summary: Summary) -> list[str]:
-    count = len(summary.comparisons)
     told = [
         f"All intervals are for {100.0 * CONFIDENCE:g} %. Without bounds: there is no interval, as"
         " for the mean of a single run.",
@@ -128,22 +140,32 @@ def _methods(summary: Summary) -> list[str]:
         " limit. Its intervals are pointwise, Greenwood's on the scale log(-log).",
         "The restricted mean time is the mean of the smaller of time to capture and limit, the area"
         " under the survival curve. The median time is when half of the runs have captured.",
-        f"Means have BCa bootstrap intervals from {RESAMPLES} resamples of the seeds, the same at"
-        " every call. Runs in which a measure is not defined are left out of its mean.",
+        "The interval of a restricted mean joins Student's for the times of the runs that capture"
+        " with Wilson's for the share of those that do not: a few of these make much of the mean,"
+        " and there may be more than the runs show. That leaves it wide if runs are few.",
+        f"Means of measures have BCa bootstrap intervals from {RESAMPLES} resamples of the seeds,"
+        " the same at every call, which can tell nothing of rare runs that are not among these."
+        " Runs in which a measure is not defined are left out of its mean.",
     ]
-    if count:
+    if summary.comparisons:
         told += [
             "Comparisons are paired: all cells run the same seeds, and runs of one seed share"
             " starts and draws. Differences of rates have Newcombe's interval, their p is McNemar's"
             " exact one. Cohen's g: of the pairs in which only one captured, the share in which the"
             " compared one did, less one half.",
-            "Differences of times have a bootstrap interval over seeds; d_z is their mean over"
-            " their standard deviation; p is by changing signs of differences, in"
-            f" {PERMUTATIONS} drawn ways if there are many pairs. The log-rank test takes the cells"
-            " for independent.",
-            f"Nothing is corrected for multiple comparisons: there {'are' if count > 1 else 'is'}"
-            f" {count}. Of {many(count, 'interval')} for 95 %, {0.05 * count:.2g} would leave out"
-            " the truth by chance on average.",
+            "Order: the share of seeds in which the compared one captures later, or never, less the"
+            " share in which it does earlier, with Bonett and Price's interval; p is the exact sign"
+            " test's. A run without capture is later than any with one.",
+            "Differences of restricted mean times, up to the lower of both limits, have Student's"
+            " interval for two pairs more than there are: one in which one captures at once and the"
+            " other never, and its opposite. So has the rate averaged over settings. It allows for"
+            " failures that the seeds do not show; without it, means of seeds that all captured"
+            " would be told apart by ticks. p is by changing signs of differences, in all ways: it"
+            " supposes that the two runs of a seed could be exchanged. d_z is the mean over the"
+            " standard deviation of the differences.",
+            "The log-rank test takes the cells for independent; its p are corrected among"
+            " themselves, and nothing rests on them.",
+            correction(summary),
         ]
     if any(cell.delay.s_mean for cell in summary.cells):
         told.append(
@@ -161,7 +183,7 @@ def _methods(summary: Summary) -> list[str]:
     return [page.heading("Methods"), page.bullets(told)]
 
 
-def _again(plan: Plan, table: StudyTable, command: str) -> list[str]:
+def _again(plan: Plan, table: StudyTable, command: str, compared: bool) -> list[str]:
     row = table.read(["code", "versions"], slice(0, 1)).slice(0, 1).to_pylist()[0]
     versions = json.loads(row["versions"])
     rows = [
@@ -171,6 +193,7 @@ def _again(plan: Plan, table: StudyTable, command: str) -> list[str]:
         ("Versions", ", ".join(f"{name} {version}" for name, version in versions.items())),
         ("Every run", f"{TABLE}, one row each with its seed and digest"),
         ("Every cell", CSV),
+        *([("Every comparison", COMPARISONS)] if compared else []),
     ]
     told = "This command repeats all runs; where they are done already it only reads them."
     return [

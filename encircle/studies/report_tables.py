@@ -1,17 +1,20 @@
 """The tables of a study's report: cells, comparisons, tolerances, and the mean of every measure.
 
-Long tables are cut, and say so; ``summary.csv`` has every cell.
+Long tables are cut, and say so; ``summary.csv`` has every cell, ``comparisons.csv`` every
+comparison.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from encircle.comparisons import Decision, Difference, holm
 from encircle.measures import MEASURES
 from encircle.statistics import Interval
 from encircle.studies import page
+from encircle.studies.comparisons_csv import COMPARISONS
 from encircle.studies.plan import DELIVERED, Plan
-from encircle.studies.sentences import where_text
+from encircle.studies.sentences import p_text, where_text
 from encircle.studies.summary import Cell, Comparison, Summary, Tolerated
 from encircle.studies.views import label, varied
 
@@ -63,36 +66,47 @@ def _comparisons(summary: Summary) -> str:
     others = [other for other in varied(plan) if other is not axis]
     head = [axis.title, *(other.title for other in others), "Capture rate, difference (points)"]
     head += ["Only one captured: it / baseline", "Cohen's g", "p (McNemar)"]
+    head += ["Seeds in which it is later / earlier", "Later less earlier (points)", "p (order)"]
     head += ["Restricted mean time, difference (s)", "d_z", "p (signs)", "p (log-rank)"]
+    logrank = holm([one.logrank_p for one in summary.comparisons])
     rows = [
         (
             axis.shown(one.level),
             *(other.shown(one.others[other.name]) for other in others),
-            *_differences(one),
+            *_differences(one, float(p)),
         )
-        for one in summary.comparisons[:ROWS_MAX]
+        for one, p in zip(summary.comparisons[:ROWS_MAX], logrank, strict=False)
     ]
     baseline = axis.shown(summary.comparisons[0].baseline)
     caption = (
         f"Comparisons with {label(axis)} {baseline}{f' {axis.unit}' if axis.unit else ''}, which is"
-        f" subtracted, on {many(summary.comparisons[0].rate.pairs, 'common seed')}"
+        f" subtracted, on {many(summary.comparisons[0].rate.pairs, 'common seed')}; p corrected for"
+        f" {many(summary.tests, 'test')}, in brackets uncorrected; *: decided"
     )
-    cut = _cut(len(summary.comparisons), ROWS_MAX)
+    cut = _cut(len(summary.comparisons), ROWS_MAX, COMPARISONS)
     return page.table(caption + cut, head, rows, 1 + len(others))
 
 
-def _differences(one: Comparison) -> tuple[str, ...]:
-    rate, time_s = one.rate, one.time_s
+def _differences(one: Comparison, logrank_p: float) -> tuple[str, ...]:
+    rate, order, time_s = one.rate, one.order, one.time_s
     return (
         _interval(rate.mean, "+.1f", 100.0),
         f"{rate.better} / {rate.worse}",
         _interval(rate.effect, "+.2f"),
-        _p(rate.p),
+        _tested(rate),
+        f"{order.worse} / {order.better}",
+        _interval(order.mean, "+.1f", 100.0),
+        _tested(order),
         _interval(time_s.mean, "+.2f"),
         _interval(time_s.effect, "+.2f"),
-        _p(time_s.p),
-        _p(one.logrank_p),
+        _tested(time_s),
+        _p(logrank_p, one.logrank_p),
     )
+
+
+def _tested(test: Difference) -> str:
+    mark = "" if test.decision is Decision.UNDECIDED else " *"
+    return f"{_p(test.p_corrected, test.p)}{mark}"
 
 
 def _tolerances(summary: Summary) -> str:
@@ -187,10 +201,8 @@ def _number(value: float, spec: str) -> str:
     return NONE if np.isnan(value) else f"{value:{spec}}"
 
 
-def _p(p: float) -> str:
-    if np.isnan(p):
-        return NONE
-    return "< 0.001" if p < 0.001 else f"{p:.3f}"
+def _p(corrected: float, alone: float) -> str:
+    return NONE if np.isnan(alone) else f"{p_text(corrected)} ({p_text(alone)})"
 
 
 def many(count: int, what: str) -> str:
@@ -198,5 +210,5 @@ def many(count: int, what: str) -> str:
     return f"{count} {what}{'s' * (count != 1)}"
 
 
-def _cut(count: int, most: int) -> str:
-    return f"; the first {most} of {count}, all in {CSV}" if count > most else ""
+def _cut(count: int, most: int, file: str = CSV) -> str:
+    return f"; the first {most} of {count}, all in {file}" if count > most else ""

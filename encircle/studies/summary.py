@@ -10,20 +10,25 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from encircle.comparisons import (
+    ROUNDING,
+    Difference,
+    corrected,
+    order_difference,
+    paired_difference,
+    rate_difference,
+)
 from encircle.measures import MEASURES
 from encircle.statistics import (
-    Difference,
     Interval,
     Survival,
     capture_rate,
     mean,
-    paired_difference,
-    rate_difference,
     restricted_mean_ticks,
     survival,
     tolerance,
@@ -34,6 +39,8 @@ from encircle.studies.table import StudyTable
 from world.delay_means import Asked, asked, delivered_s_mean
 
 CAPTURED, TICKS = "captured", "ticks"
+CLAIMS = ("rate", "order", "time_s")
+"""What a comparison is tested for; all tests of a study are corrected for one another."""
 
 
 class Cell(NamedTuple):
@@ -57,14 +64,17 @@ class Cell(NamedTuple):
 class Comparison(NamedTuple):
     """One level of the compared axis against the baseline, all other levels alike.
 
-    ``rate`` and ``time_s`` are differences on common seeds, level minus baseline, ``time_s`` up to
-    the limit; ``logrank_p`` takes all times to capture into account.
+    ``rate``, ``order`` and ``time_s`` are differences on common seeds, level minus baseline:
+    how often the target is captured, in which share of the seeds later less in which earlier, and
+    the mean time up to the limit, the lower one of the two. ``logrank_p`` takes all times to
+    capture into account; nothing rests on it.
     """
 
     level: Any
     baseline: Any
     others: Mapping[str, Any]
     rate: Difference
+    order: Difference
     time_s: Difference
     logrank_p: float
 
@@ -72,14 +82,15 @@ class Comparison(NamedTuple):
 class Overall(NamedTuple):
     """One level of the compared axis against the baseline over all settings of the other axes.
 
-    Differences are averaged over the settings within each seed before anything is inferred: seeds
-    are the independent units.
+    Rates and times are averaged over the settings within each seed before anything is inferred:
+    seeds are the independent units. ``order`` is that of these averages.
     """
 
     level: Any
     baseline: Any
     settings: int
     rate: Difference
+    order: Difference
     time_s: Difference
 
 
@@ -95,6 +106,9 @@ class Tolerated(NamedTuple):
     rising: bool
 
 
+T = TypeVar("T", Comparison, Overall)
+
+
 @dataclass(frozen=True)
 class Summary:
     """A study summed up. ``raw``: (C, S) of each cell's ``captured`` and ``ticks``, by seed."""
@@ -105,55 +119,83 @@ class Summary:
     ticks: NDArray[np.float64]
     tick_s: tuple[float, ...]
 
-    @cached_property
+    @property
     def comparisons(self) -> tuple[Comparison, ...]:
         """Every level of the compared axis against the baseline, in every setting of the others."""
-        axis = self.plan.compared
-        if axis is None:
-            return ()
-        found = []
-        for others, row in rows_along(self.plan, axis):
-            base = baseline_of(self.plan, axis)
-            for place, cell in enumerate(row):
-                if place != base:
-                    found.append(self._compared(axis, others, row[base], cell, base, place))
-        return tuple(found)
+        return self._compared[0]
 
-    @cached_property
+    @property
     def overall(self) -> tuple[Overall, ...]:
         """Every level of the compared axis against the baseline; empty for a single setting."""
-        axis = self.plan.compared
-        rows = [row for _, row in rows_along(self.plan, axis)] if axis is not None else []
-        if axis is None or len(rows) < 2:
-            return ()
-        base, places = baseline_of(self.plan, axis), np.array(rows)
-        captured = self.captured[places].mean(axis=0)
-        seconds = self.ticks * np.array(self.tick_s)[:, None]
-        times = seconds[places].mean(axis=0)
-        return tuple(
-            Overall(
-                axis.levels[place],
-                axis.levels[base],
-                len(rows),
-                paired_difference(captured[base], captured[place], less_is_better=False),
-                paired_difference(times[base], times[place]),
-            )
-            for place in range(len(axis.levels))
-            if place != base
-        )
+        return self._compared[1]
 
-    def _compared(
-        self, axis: Axis, others: Mapping[str, Any], a: int, b: int, base: int, place: int
+    @property
+    def tests(self) -> int:
+        """How many tests the p of each is corrected for."""
+        return len(CLAIMS) * (len(self.comparisons) + len(self.overall))
+
+    @cached_property
+    def _compared(self) -> tuple[tuple[Comparison, ...], tuple[Overall, ...]]:
+        """All comparisons, corrected for each other."""
+        axis = self.plan.compared
+        if axis is None:
+            return (), ()
+        rows = list(rows_along(self.plan, axis))
+        base = baseline_of(self.plan, axis)
+        places = [place for place in range(len(axis.levels)) if place != base]
+        single = [
+            self._comparison(axis, others, row, base, place)
+            for others, row in rows
+            for place in places
+        ]
+        over = [self._overall(axis, [row for _, row in rows], base, place) for place in places]
+        over = over if len(rows) > 1 else []
+        tests = corrected([getattr(one, name) for one in (*single, *over) for name in CLAIMS])
+        first = len(CLAIMS) * len(single)
+        return _with(single, tests[:first]), _with(over, tests[first:])
+
+    def _comparison(
+        self, axis: Axis, others: Mapping[str, Any], row: Sequence[int], base: int, place: int
     ) -> Comparison:
+        a, b = row[base], row[place]
         seconds = [self.ticks[k] * self.tick_s[k] for k in (a, b)]
+        times_a_s, times_b_s = self._times_s(a, b)
         return Comparison(
             axis.levels[place],
             axis.levels[base],
             others,
             rate_difference(self.captured[a], self.captured[b]),
-            paired_difference(*seconds),
+            order_difference(*self._times_s(a, b, beyond=True)),
+            paired_difference(times_a_s, times_b_s, self._limit_s(a, b)),
             logrank_of(seconds[0], self.captured[a], seconds[1], self.captured[b]),
         )
+
+    def _overall(self, axis: Axis, rows: Sequence[Sequence[int]], base: int, place: int) -> Overall:
+        pairs = [(row[base], row[place]) for row in rows]
+        rate_a, rate_b = self.captured[np.array(pairs)].mean(axis=0)
+        times_a_s, times_b_s = np.mean([self._times_s(a, b) for a, b in pairs], axis=0)
+        limit_s = float(np.mean([self._limit_s(a, b) for a, b in pairs]))
+        return Overall(
+            axis.levels[place],
+            axis.levels[base],
+            len(rows),
+            paired_difference(rate_a, rate_b, 1.0, less_is_better=False),
+            order_difference(times_a_s, times_b_s),
+            paired_difference(times_a_s, times_b_s, limit_s),
+        )
+
+    def _limit_s(self, a: int, b: int) -> float:
+        """Up to when the times of two cells can be compared."""
+        return min(self.cells[a].limit_s, self.cells[b].limit_s)
+
+    def _times_s(self, a: int, b: int, *, beyond: bool = False) -> NDArray[np.float64]:
+        """Times (2, S) of two cells up to their limit; ``beyond`` it if there is no capture."""
+        limit_s = self._limit_s(a, b)
+        pair = np.array([self.ticks[k] * self.tick_s[k] for k in (a, b)])
+        never_s = 2.0 * limit_s if beyond else limit_s
+        # Rounded ticks may come to a little more than the limit that they are.
+        in_time = self.captured[[a, b]] & (pair <= limit_s * (1.0 + ROUNDING))
+        return np.where(in_time, np.minimum(pair, limit_s), never_s)
 
     @cached_property
     def tolerated(self) -> tuple[Tolerated, ...]:
@@ -200,6 +242,15 @@ def _held(levels: list[float], captured: NDArray[np.bool_], rate: float) -> tupl
     # From the other end it is a falling rate again.
     held = tolerance([-level for level in levels[::-1]], captured[::-1], rate)
     return Interval(-held.value, -held.high, -held.low), True
+
+
+def _with(found: Sequence[T], tests: Sequence[Difference]) -> tuple[T, ...]:
+    """Comparisons with their tests, in order."""
+    parts = zip(tests[0::3], tests[1::3], tests[2::3], strict=True)
+    return tuple(
+        one._replace(rate=rate, order=order, time_s=time_s)
+        for one, (rate, order, time_s) in zip(found, parts, strict=True)
+    )
 
 
 def summarise(plan: Plan, table: StudyTable) -> Summary:
