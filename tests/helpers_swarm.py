@@ -1,15 +1,15 @@
 """Short random hunts with everything wrong that can go wrong, and a witness who watches them.
 
-A seed makes a scenario (team, bodies, radio, events) and a fate (who is killed, frozen or cut off
+A seed makes a scenario (``helpers_scenarios``) and a fate (who is killed, frozen or cut off
 and when, what strangers send). ``play`` runs both cores on bytes alone, answers in random order;
 the witness sees the messages that the world records and the state it keeps, and nothing else.
 """
 
 import random
 from dataclasses import replace
-from typing import Any
 
 import msgpack
+from helpers_scenarios import scenario_of
 from helpers_witness import Witness
 
 from agents.core import RobotCore
@@ -20,118 +20,20 @@ from protocol.messages import Command, Observation
 from world.core import WorldCore
 from world.engine import build
 from world.result import Result
-from world.scenario import Scenario, ScenarioError, load
 
 RUN = "swarm"
-LOSSES: tuple[dict[str, Any], ...] = (
-    {"model": "none"},
-    {"model": "bernoulli", "rate": 0.3},
-    {"model": "gilbert-elliott", "good_to_bad": 0.1, "bad_to_good": 0.3},
-    {"model": "burst", "rate": 0.2, "burst_packets": 4.0},
-    {"model": "distance", "midpoint_m": 5.0, "width_m": 1.0},
-    {"model": "range", "cutoff_m": 6.0},
-)
-DELAYS: tuple[dict[str, Any], ...] = (
-    {"model": "constant", "mean_s": 0.0},
-    {"model": "uniform", "low_s": 0.0, "high_s": 0.6},
-    {"model": "exponential", "mean_s": 0.3},
-    {"model": "lognormal", "mean_s": 0.3, "std_s": 0.3},
-)
-LIMITS: tuple[dict[str, Any] | None, ...] = (
-    None,
-    {"packets_per_s": 6.0, "queue_packets_max": 3},
-    {"bytes_per_s": 900.0},
-)
-ROBOTS: tuple[dict[str, Any], ...] = (
-    {},
-    {"detections": "relay"},
-    {"publish": "event"},
-    {"publish_every_ticks": 3, "peer_policy": "hold"},
-    {"peer_age_ticks_max": 6, "late_detections": "ignore"},
-)
-BEHAVIOURS = ("flee", "gap", "straight", "patrol", "still")
-STRATEGIES = ("xi-star", "xi-0", "xi-1", "xi-3", "pursuit")
 JUNK_BYTES_MAX = 80
 FAULTS_PER_TICK = 0.025
 JUNK_PER_TICK = 0.3
 ASK_AGAIN = 0.05
 RECKLESS, RECKLESS_SHARE = 1e6, 0.4
-TRIES_MAX = 20
-
-
-def scenario_of(seed: int) -> Scenario:
-    """The scenario of a seed; some random teams cannot be placed, then the next draw counts."""
-    draws = random.Random(f"swarm scenario {seed}")
-    for _ in range(TRIES_MAX):
-        tree = _tree(draws)
-        try:
-            scenario = load(tree)
-            build(scenario, scenario.seed)
-        except ScenarioError:
-            continue
-        return scenario
-    raise AssertionError(f"no scenario for seed {seed} in {TRIES_MAX} tries")
-
-
-def _tree(draws: random.Random) -> dict[str, Any]:
-    count, ticks = draws.randint(2, 6), draws.randint(30, 60)
-    channel: dict[str, Any] = {
-        "loss": draws.choice(LOSSES),
-        "delay": draws.choice(DELAYS),
-        "duplication": {"rate": draws.choice((0.0, 0.0, 0.3))},
-        "order": draws.choice(("free", "kept")),
-    }
-    if limit := draws.choice(LIMITS):
-        channel["rate_limit"] = limit
-    return {
-        "seed": draws.randrange(2**32),
-        "ticks_max": ticks,
-        "team": {
-            "robots": count,
-            "strategy": draws.choice(STRATEGIES),
-            "motion": draws.choice(("holonomic", "unicycle")),
-            "placement": {"distance_m_min": 2.0, "distance_m_max": draws.choice((3.0, 7.0))},
-        },
-        "target": {
-            "behaviour": draws.choice(BEHAVIOURS),
-            "step_m_max": draws.choice((0.1, 0.2, 0.35)),
-        },
-        "capture": {"stop_distance_m": 1.5},
-        "sensing": {"rays": 12, "noise_m_std": draws.choice((0.0, 0.1))},
-        "obstacles": [
-            {"position": [draws.uniform(-8, 8), draws.uniform(8.5, 12)], "radius_m": 1.0}
-            for _ in range(draws.randint(0, 1))
-        ],
-        "robot": draws.choice(ROBOTS),
-        "channel": channel,
-        "events": _events(draws, [f"r{k + 1}" for k in range(count)], ticks),
-    }
-
-
-def _events(draws: random.Random, ids: list[str], ticks: int) -> list[dict[str, Any]]:
-    def when() -> dict[str, Any]:
-        return {"tick": draws.randint(1, ticks), "ticks": draws.randint(1, 15)}
-
-    events: list[dict[str, Any]] = []
-    for robot in draws.sample(ids, draws.randint(0, len(ids) // 2)):
-        crash = {"kind": "crash", "robot": robot, **when()}
-        if draws.random() < 0.3:
-            del crash["ticks"]
-        events.append(crash)
-    if draws.random() < 0.3:
-        events.append({"kind": "silence", "robot": draws.choice(ids), **when()})
-    if draws.random() < 0.3:
-        events.append({"kind": "outage", "sender": draws.choice(ids), **when()})
-    if draws.random() < 0.3:
-        events.append({"kind": "partition", "groups": [ids[:1], ids[1:]], **when()})
-    if draws.random() < 0.2:
-        place = [draws.uniform(-4, 4), draws.uniform(-4, 4)]
-        events.append({"kind": "move-target", "tick": draws.randint(1, ticks), "position": place})
-    return events
 
 
 def play(seed: int, junk: bool = True, faults: bool = True, order: int = 0) -> Result:
-    """One run of a seed, watched. ``order``: another one has robots answer in another order."""
+    """One run of a seed, watched. ``faults``: robots are struck, and some command what they like.
+
+    ``junk``: strangers send something. ``order``: another one has robots answer in another order.
+    """
     return _Run(seed, junk, faults, order).play()
 
 
@@ -149,7 +51,7 @@ class _Run:
         self.strangers = random.Random(f"swarm junk {seed}") if junk else None
         self.order = random.Random(f"swarm order {seed} {order}")
         draws = random.Random(f"swarm reckless {seed}")
-        share = RECKLESS_SHARE if draws.random() < RECKLESS_SHARE else 0.0
+        share = RECKLESS_SHARE if faults and draws.random() < RECKLESS_SHARE else 0.0
         self.reckless = {robot for robot in self.arena.ids if draws.random() < share}
         self.back: dict[str, int] = {}
         self.frozen: dict[str, list[tuple[str, bytes]]] = {}

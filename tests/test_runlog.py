@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from helpers_scenarios import scenario_of
 
 from encircle.hunts import run
 from encircle.memory import run_in_memory
@@ -13,7 +14,7 @@ from encircle.runlog import Collector, RunLog
 from protocol.codec import decode, encode
 from protocol.messages import QUANTUM_M, Command, Pose, Radio, State
 from world.engine import build
-from world.scenario import load
+from world.scenario import Scenario, load
 
 NAME = "tested"
 LOSS = "channel.loss={model='bernoulli', rate=0.3}"
@@ -34,7 +35,7 @@ DATA = [f.name for f in fields(RunLog) if f.init]
 
 def hunted(scenario, changes=(), seed=2, name=NAME):
     """A hunt in memory: its scenario, messages, result, and log as collected."""
-    loaded = load(scenario, changes)
+    loaded = scenario if isinstance(scenario, Scenario) else load(scenario, changes)
     messages, collector = [], Collector()
     result = run_in_memory(
         build(loaded, seed),
@@ -70,6 +71,22 @@ def test_messages_give_the_log_that_was_collected(scenario, changes):
     assert (log.ticks, log.captured, log.ended) == (result.ticks, result.captured, result.ended)
     assert log.count == len(loaded.ids)
     assert len(log.contacts) == result.contacts
+
+
+def same_log_of_a_drawn_run(seed):
+    scenario, messages, _, log = hunted(scenario_of(seed), seed=seed)
+    assert_same(RunLog.of_messages(scenario, seed, NAME, messages), log)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_messages_of_a_drawn_run_give_the_log_that_was_collected(seed):
+    same_log_of_a_drawn_run(seed)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", range(1_000, 1_200))
+def test_messages_of_many_drawn_runs_give_the_log_that_was_collected(seed):
+    same_log_of_a_drawn_run(seed)
 
 
 def test_to_look_on_changes_nothing():

@@ -39,13 +39,13 @@ class _Answer:
     As it is made, it is no answer: a robot that is lost stands still and says nothing.
     """
 
-    __slots__ = ("canonical_command", "canonical_pose", "command", "packet", "step")
+    __slots__ = ("command", "digested_command", "digested_pose", "packet", "step")
 
     step: Point
     packet: bytes | None
     command: bytes
-    canonical_pose: bytes
-    canonical_command: bytes
+    digested_pose: bytes
+    digested_command: bytes
 
     def __init__(self) -> None:
         self.step, self.command, self.packet = (0.0, 0.0), b"", None
@@ -198,13 +198,13 @@ class WorldCore:
         return observations
 
     def answer(self, pose: Pose | None, packet: bytes, command: Command, payload: bytes) -> None:
-        """Take one robot's answer, decoded and as canonical bytes; ``OutOfTurn`` as in ``receive``.
+        """Take one robot's answer, decoded and as it was sent; ``OutOfTurn`` as in ``receive``.
 
         For hunts inside one process, whose own encoder has just made the bytes.
         """
         if pose is not None:
-            self._take_pose(pose, packet, packet)
-        self._take_command(command, payload, payload)
+            self._take_pose(pose, packet)
+        self._take_command(command, payload)
 
     def fail(self, reason: str) -> Outgoing:
         """End the run as failed; returns the messages that tell the robots."""
@@ -230,34 +230,37 @@ class WorldCore:
         if channel == "pose":
             pose = decode_pose(payload, self.run)
             _check_sender(robot, pose)
-            self._take_pose(pose, payload, self._canonical(pose, payload))
+            self._take_pose(pose, payload)
         elif channel == "command":
             command = decode(Command, payload, self.run)
             _check_sender(robot, command)
-            # What strangers sent to a robot must not change the digest of the run.
-            clean = replace(command, refused={}) if command.refused else command
-            self._take_command(
-                command, payload, self._canonical(clean, b"" if command.refused else payload)
-            )
+            self._take_command(command, payload)
         else:
             raise OutOfTurn(f"the world does not listen to {channel!r}")
 
-    def _take_pose(self, pose: Pose, packet: bytes, canonical: bytes) -> None:
+    def _take_pose(self, pose: Pose, packet: bytes) -> None:
         self.table.move(pose.robot, Move.POSE, pose.tick)
         answer = self._answers.setdefault(pose.robot, _Answer())
-        answer.packet, answer.canonical_pose = packet, canonical
+        answer.packet, answer.digested_pose = packet, self._digested(pose, packet)
 
-    def _take_command(self, command: Command, payload: bytes, canonical: bytes) -> None:
+    def _take_command(self, command: Command, payload: bytes) -> None:
         move = Move.COMMAND if command.published else Move.COMMAND_ALONE
         self.table.move(command.robot, move, command.tick)
         answer = self._answers.setdefault(command.robot, _Answer())
-        answer.step, answer.command, answer.canonical_command = command.step, payload, canonical
+        answer.step, answer.command = command.step, payload
+        answer.digested_command = self._digested(command, payload)
 
-    def _canonical(self, message: Message, payload: bytes) -> bytes:
-        """Bytes for the digest: as sent, unless the run's name could not be cut off those."""
-        if begins_canonically(type(message), payload, self.run):
-            return payload
-        return packed(message, self.run)
+    def _digested(self, message: Pose | Command, payload: bytes) -> bytes:
+        """The body that the digest takes of what a robot said, whichever way it came here.
+
+        As sent, unless the run's name could not be cut off that. What strangers sent to a robot
+        must not change the digest: of what it refused nothing is taken.
+        """
+        if isinstance(message, Command) and message.refused:
+            payload = packed(replace(message, refused={}), self.run)
+        elif not begins_canonically(type(message), payload, self.run):
+            payload = packed(message, self.run)
+        return body_of(payload, self.run)
 
     def _encode(self, robot: str, channel: str, message: Message) -> tuple[str, bytes]:
         return robot_key(self.run, robot, channel), encode(message, self.run)
@@ -300,9 +303,9 @@ class WorldCore:
             if not answer.command:
                 continue
             if answer.packet is not None:
-                digested.append(body_of(answer.canonical_pose, self.run))
+                digested.append(answer.digested_pose)
                 messages.append((robot_key(self.run, robot, "pose"), answer.packet))
-            digested.append(body_of(answer.canonical_command, self.run))
+            digested.append(answer.digested_command)
             messages.append((robot_key(self.run, robot, "command"), answer.command))
         if self.record is not None:
             said = encode(Radio(tick, _rows(fates.due), _rows(fates.copies)), self.run)

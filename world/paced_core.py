@@ -191,7 +191,7 @@ class PacedCore(WorldCore):
         poses = [decode_pose(packet, self.run) for packet in observation.inbox]
         return {"inbox": (), "admitted": tuple([(p.robot, p.sequence) for p in poses])}
 
-    def _take_pose(self, pose: Pose, packet: bytes, canonical: bytes) -> None:
+    def _take_pose(self, pose: Pose, packet: bytes) -> None:
         try:
             self._check_turn(pose.robot, pose.tick, "pose")
         except OutOfTurn:
@@ -207,11 +207,11 @@ class PacedCore(WorldCore):
         self._heard_tick[pose.robot] = self.table.tick
         if pose.robot in self._packets:
             self.counts[pose.robot]["superseded"] += 1
-        self._packets[pose.robot] = packet, canonical
+        self._packets[pose.robot] = packet, self._digested(pose, packet)
         self._note(pose.tick, pose.robot, "pose", packet)
         self.traffic.packet(pose, self._now_us)
 
-    def _take_command(self, command: Command, payload: bytes, canonical: bytes) -> None:
+    def _take_command(self, command: Command, payload: bytes) -> None:
         robot, tick = command.robot, command.tick
         self._check_turn(robot, tick, "command")
         known = self._held.get(robot)
@@ -223,7 +223,7 @@ class PacedCore(WorldCore):
         self._heard_tick[robot] = self.table.tick
         self._held[robot] = Held(tick, command.step)
         if tick == self.table.tick:
-            self._commands[robot] = payload, canonical
+            self._commands[robot] = payload, self._digested(command, payload)
         self._note(tick, robot, "command", payload)
         self.traffic.answered(command, self._now_us)
 
@@ -244,9 +244,9 @@ class PacedCore(WorldCore):
         answer.step = STILL if step is None else step
         if held is None or held.tick < tick:
             self.counts[robot]["stood_still" if step is None else "held"] += 1
-        answer.command, answer.canonical_command = self._commands.get(robot, (STAND_IN, b""))
+        answer.command, answer.digested_command = self._commands.get(robot, (STAND_IN, b""))
         if robot in self._packets:
-            answer.packet, answer.canonical_pose = self._packets[robot]
+            answer.packet, answer.digested_pose = self._packets[robot]
         return answer
 
     def _note(self, tick: int, robot: str, channel: str, payload: bytes) -> None:
