@@ -22,21 +22,19 @@ from encircle.launch import run_processes
 from encircle.replaying import replay
 from encircle.studies import session
 from world.engine import build
+from world.scenario import Scenario
 
 PAGE = (Path(__file__).parents[1] / "docs" / "protocol.md").read_text(encoding="utf-8")
 PROGRAM = re.search(r"\n## The digest\n.*?```python\n(.*?)```", PAGE, re.DOTALL)[1]
 REPLAY = "replay: ENCIRCLE_DIGEST_SEED={} .venv/bin/python -m pytest -n 0 tests/test_digests.py"
 ONE = os.environ.get("ENCIRCLE_DIGEST_SEED")
 
-FAULTY = ()
-"""Seeds that found something once."""
-SEEDS = (*FAULTY, *range(12)) if ONE is None else (int(ONE),)
-BY_PROCESSES = (3, 5) if ONE is None else (int(ONE),)
+SEEDS = range(12) if ONE is None else (int(ONE),)
+BY_PROCESSES = (2, 5) if ONE is None else (int(ONE),)
 NIGHTLY = [range(first, first + 50) for first in range(1_000, 2_000, 50)]
 NIGHTLY_BY_SESSION = [range(first, first + 50) for first in range(1_000, 1_400, 50)]
 NIGHTLY_BY_PROCESSES = range(1_000, 1_030)
 LATE_S = "120"
-"""No robot is given up because the machine is slow."""
 
 
 def script(recording: Path, monkeypatch, capsys) -> str:
@@ -75,15 +73,19 @@ def compare(seed: int, folder: Path, monkeypatch, capsys) -> None:
 def over_zenoh(seed: int, folder: Path, monkeypatch, capsys) -> None:
     """A world and its robots as processes of their own."""
     scenario, out = scenario_of(seed), folder / f"zenoh-{seed}"
-    path = folder / f"{seed}.json"
+    digest = by_processes(scenario, out)
+    assert digest == hunts.run(scenario, link="memory").digest
+    assert script(out / "recording.mcap", monkeypatch, capsys) == digest
+    assert replay(out).same
+
+
+def by_processes(scenario: Scenario, out: Path) -> str:
+    """The digest of a run over Zenoh in which no robot is given up because the machine is slow."""
+    path = out.with_suffix(".json")
     path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
     patience = ["--answer-timeout", LATE_S, "--join-timeout", LATE_S]
-    result, _ = run_processes(
-        [str(path), "--out", str(out), *patience], scenario.ids, "drawn", lambda _report: None
-    )
-    assert result.digest == hunts.run(scenario, link="memory").digest
-    assert script(out / "recording.mcap", monkeypatch, capsys) == result.digest
-    assert replay(out).same
+    arguments = [str(path), "--out", str(out), *patience]
+    return run_processes(arguments, scenario.ids, "drawn", lambda _report: None)[0].digest
 
 
 def noted(check, seeds, *arguments) -> None:
@@ -111,10 +113,7 @@ def test_what_robots_refuse_is_not_in_the_digest_whichever_way_a_run_goes(
 ):
     late = ["channel.delay={model='exponential', mean_s=2.0}", "target.step_m_max=0.3"]
     hunt = hunts.run("sim1", link="memory", overrides=late, out=tmp_path / "memory")
-    told = replay(tmp_path / "memory")
-    assert told.same
-    over = hunts.run("sim1", link="zenoh", overrides=late, out=tmp_path / "zenoh")
-    assert over.digest == hunt.digest
+    assert by_processes(hunt.scenario, tmp_path / "zenoh") == hunt.digest
     for way in ("memory", "zenoh"):
         recording = tmp_path / way / "recording.mcap"
         assert b"late-detection" in recording.read_bytes()
