@@ -21,6 +21,9 @@ from protocol.parameters import Parameters
 class RobotCore:
     """The protocol around one brain. ``ended`` holds the reason once the run is over.
 
+    ``taken`` counts what was said by the world and not refused, so that it shows whether one is
+    there.
+
     ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation
     that is already decoded, for hunts inside one process. A setup starts a fresh brain at any time:
     a robot that was lost is taken in again with one.
@@ -33,6 +36,7 @@ class RobotCore:
         self.run = run
         self.ended: str | None = None
         self.refused: Counter[str] = Counter()
+        self.taken = 0
         self.setup: Setup | None = None
         self.role: brain.Role | None = None
         self.state: brain.BrainState | None = None
@@ -47,10 +51,12 @@ class RobotCore:
     def receive(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
         """Take one message in; returns the messages to send. Never raises for remote input."""
         try:
-            return self._receive(key, payload)
+            answer = self._receive(key, payload)
         except ProtocolError as error:
             self.refuse(key, error)
             return []
+        self.taken += 1
+        return answer
 
     def _receive(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
         run, robot, channel = parse_key(key)

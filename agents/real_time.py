@@ -8,7 +8,6 @@ whatever else does, the robot commands a stop and says nothing more until one co
 import queue
 import threading
 import time
-from collections.abc import Callable
 
 from agents.core import RobotCore
 from agents.real_time_core import RealTimeCore
@@ -22,7 +21,7 @@ from protocol.messages import Observation
 
 def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
     """Whether an observation is from a world that goes by the clock; None if it is none at all."""
-    if core.setup is None or not key.endswith("/observation"):
+    if core.setup is None or key != robot_key(core.run, core.robot, "observation"):
         return None
     try:
         observation = decode(Observation, payload, core.run)
@@ -31,13 +30,8 @@ def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
     return observation.sent_us is not None if observation.robot == core.robot else None
 
 
-def answer(
-    core: RobotCore, link: Link, first: tuple[str, bytes], heard: Callable[[], None]
-) -> None:
-    """Answer until the run ends or the link is closed.
-
-    ``first``: the first observation; ``heard`` is called whenever something has come.
-    """
+def answer(core: RobotCore, link: Link, first: tuple[str, bytes]) -> None:
+    """Answer until the run ends or the link is closed. ``first``: the first observation."""
     link.never_wait()
     robot = RealTimeCore(core)
     mail = Mailbox()
@@ -52,8 +46,6 @@ def answer(
     try:
         while core.ended is None:
             came = mail.take(stop_s - time.monotonic())
-            if came:
-                heard()
             for time_us, key, payload in came:
                 robot.take(time_us, key, payload)
                 if key.endswith("/end"):

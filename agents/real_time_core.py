@@ -90,6 +90,7 @@ class RealTimeCore:
                 raise OutOfTurn(
                     f"observation of tick {observation.tick}, next is {self._next_tick}"
                 )
+            self.core.taken += 1
             self._count(MISSED, observation.tick - self._next_tick)
             self._next_tick = observation.tick + 1
             self._is_known(observation.answered)

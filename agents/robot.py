@@ -27,6 +27,9 @@ from protocol.zenoh_link import LinkError, ZenohLink
 
 JOIN_S_MAX = 30.0
 WORLD_S_MAX = 10.0
+DOUBT_S = 0.2
+"""How long, after its token, a world's messages may still be under way; then how long it may be
+silent before it counts as gone."""
 OTHER_VERSION = "this program speaks"
 
 
@@ -39,7 +42,6 @@ class _Life:
         self.stays = stays
         self.core = self._new()
         self.completed = 0
-        self.heard = 0
         self.other_version = ""
 
     def _refused(self, line: str) -> None:
@@ -63,19 +65,20 @@ class _Life:
         try:
             while core.ended is None:
                 key, payload = link.receive()
-                self._has_heard()
                 if timed is None:
                     timed = real_time.is_timed(core, key, payload)
                 if timed:
-                    real_time.answer(core, link, (key, payload), self._has_heard)
+                    real_time.answer(core, link, (key, payload))
                     return
                 for said in core.receive(key, payload):
                     link.send(*said)
         except LinkClosed:
             pass
 
-    def _has_heard(self) -> None:
-        self.heard += 1
+    @property
+    def heard(self) -> tuple[int, int]:
+        """How much the world has said so far: it changes with every message that is taken in."""
+        return self.completed, self.core.taken
 
     @property
     def idle(self) -> bool:
@@ -95,6 +98,7 @@ class _Supervisor:
         self._join_s_max, self._world_s_max = waits_s_max
         self._loop = asyncio.get_running_loop()
         self._wait: asyncio.TimerHandle | None = None
+        self._doubt: asyncio.TimerHandle | None = None
         self._gone = False
         self.trouble: asyncio.Future[str] = self._loop.create_future()
 
@@ -109,28 +113,52 @@ class _Supervisor:
 
     def world_changed(self, alive: bool) -> None:
         """The world's token came or went."""
-        life = self._life
+        _cancel(self._doubt)
         if alive and self._gone:
-            self._gone = False
-            self._say(f"{self._world} is back")
+            self._is_back()
             self.await_word()
-        elif not alive and (life.idle or life.stays):
-            self.stop(f"{self._world} is gone")
-        elif not alive and life.core.ended is None:
-            self._gone = True
-            self._say(
-                f"{self._world} is gone: standing still,"
-                f" waiting up to {self._world_s_max:g} s for it"
-            )
-            self._begin_wait(self._world_s_max, self._not_back)
+        elif not alive and self._life.idle:
+            self._is_gone()
+        elif not alive:
+            self._doubt = self._loop.call_later(DOUBT_S, self._look, None)
 
-    def end_wait(self) -> None:
+    def end_waits(self) -> None:
         """Wait for nothing any more."""
-        if self._wait is not None:
-            self._wait.cancel()
+        _cancel(self._wait)
+        _cancel(self._doubt)
+
+    def _look(self, before: tuple[int, int] | None) -> None:
+        """Without its token a world is there as long as it is heard, and gone when it is not.
+
+        ``before``: what had been heard at the last look; None at the first one.
+        """
+        if self._life.core.ended is not None:
+            return
+        heard = self._life.heard
+        speaks = before is not None and heard != before
+        if speaks and self._gone:
+            self._is_back()
+        elif before is not None and not speaks and not self._gone:
+            self._is_gone()
+        self._doubt = self._loop.call_later(DOUBT_S, self._look, heard)
+
+    def _is_back(self) -> None:
+        self._gone = False
+        _cancel(self._wait)
+        self._say(f"{self._world} is back")
+
+    def _is_gone(self) -> None:
+        if self._life.idle or self._life.stays:
+            self.stop(f"{self._world} is gone")
+            return
+        self._gone = True
+        self._say(
+            f"{self._world} is gone: standing still, waiting up to {self._world_s_max:g} s for it"
+        )
+        self._begin_wait(self._world_s_max, self._not_back)
 
     def _begin_wait(self, s_max: float, then: Callable[[], None]) -> None:
-        self.end_wait()
+        _cancel(self._wait)
         self._wait = self._loop.call_later(s_max, then)
 
     def _not_back(self) -> None:
@@ -145,7 +173,7 @@ class _Supervisor:
             return True
         return False
 
-    def _not_taken_in(self, heard: int) -> None:
+    def _not_taken_in(self, heard: tuple[int, int]) -> None:
         life = self._life
         if self._was_not_understood():
             return
@@ -198,7 +226,7 @@ async def run_robot(
     try:
         await _first_of(rounds, trouble)
     finally:
-        supervisor.end_wait()
+        supervisor.end_waits()
         await asyncio.to_thread(link.close)
         await rounds
     if life.idle:
@@ -210,6 +238,11 @@ async def run_robot(
         return 1 if ended.startswith("failed") else 0
     log(f"robot {robot}: {trouble.result() if trouble.done() else 'the link was closed'}")
     return 1
+
+
+def _cancel(timer: asyncio.TimerHandle | None) -> None:
+    if timer is not None:
+        timer.cancel()
 
 
 async def _first_of(*futures: "asyncio.Future[Any]") -> None:

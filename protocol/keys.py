@@ -43,8 +43,20 @@ def parse_key(key: str) -> Key:
     """Take a key apart; raises ``UnknownKey`` for one that is not of the protocol."""
     match key.split("/"):
         case ["encircle", run, "robots", robot, channel] if channel in ROBOT_CHANNELS:
-            return Key(run, robot, channel)
+            found = Key(run, robot, channel)
         case ["encircle", run, "world", channel] if channel in WORLD_CHANNELS:
-            return Key(run, None, channel)
+            found = Key(run, None, channel)
         case _:
-            raise UnknownKey(f"key {key[:200]!r} is not part of the protocol")
+            raise _unknown(key)
+    if not all(_NAME.fullmatch(name) for name in found[:2] if name is not None):
+        raise _unknown(key)
+    return found
+
+
+def is_plain(key: str) -> bool:
+    """Whether it is one key, and no expression that stands for many."""
+    return "*" not in key
+
+
+def _unknown(key: str) -> UnknownKey:
+    return UnknownKey(f"key {key[:200]!r} is not part of the protocol")

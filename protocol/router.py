@@ -15,6 +15,7 @@ from typing import Any
 
 from protocol.about import ROUTER_KEY, replier
 from protocol.access import CONNECT_S_MAX, AccessError, LinkError
+from protocol.errors import UnknownKey
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.mailbox import now_us
 from protocol.options import Options, access, name_of
@@ -37,9 +38,10 @@ class Tokens:
         self.world_gone_s: float | None = None
 
     def change(self, key: str, alive: bool, now_s: float) -> None:
-        """A token has come or gone."""
+        """A token has come or gone; ``UnknownKey`` for one that is not of the protocol."""
+        robot = parse_key(key).robot
         (self.alive.add if alive else self.alive.discard)(key)
-        if parse_key(key).robot is None:
+        if robot is None:
             self.world_gone_s = None if alive else now_s
 
     def over(self, now_s: float) -> bool:
@@ -92,7 +94,8 @@ def _route(session: Any, run: str | None, changes: Changes) -> None:
             change = changes.get(timeout=STEP_S)
             if change is None:
                 return
-            tokens.change(*change, time.monotonic())
+            with contextlib.suppress(UnknownKey):
+                tokens.change(*change, time.monotonic())
 
 
 if __name__ == "__main__":

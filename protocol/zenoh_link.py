@@ -21,6 +21,7 @@ import zenoh
 from protocol.about import About, read, replier
 from protocol.access import BY_HOST_AND_PORT, Access, LinkError, host_and_port
 from protocol.errors import LinkClosed, ProtocolError
+from protocol.keys import is_plain
 from protocol.mailbox import now_us
 from protocol.zenoh_config import configuration, in_one_line
 
@@ -261,11 +262,14 @@ def subscribe_alive(
 ) -> Any:
     """Have ``tell(key, alive)`` called on Zenoh's own thread for tokens that are there, come or go.
 
-    What is returned is to be kept as long as it is to go on.
+    A token may be declared on an expression, such as ``**``, and then matches every key that it
+    stands for. It is nobody's. What is returned is to be kept as long as it is to go on.
     """
 
     def handed_over(sample: zenoh.Sample) -> None:
-        tell(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+        key = str(sample.key_expr)
+        if is_plain(key):
+            tell(key, sample.kind == zenoh.SampleKind.PUT)
 
     # The default is a Python thread per subscriber, which may outlive the session and then keeps
     # the process from ending.
@@ -274,15 +278,18 @@ def subscribe_alive(
 
 
 def is_alive(session: zenoh.Session, key: str, s_max: float) -> bool:
-    """Whether a token is there, as far as can be learned within ``s_max`` seconds."""
+    """Whether a token of this very key is there, as far as can be learned within ``s_max`` s."""
     replies = session.liveliness().get(key, timeout=s_max)
-    return any(reply.ok is not None for reply in replies)
+    return any(reply.ok is not None and str(reply.ok.key_expr) == key for reply in replies)
 
 
 def alive_keys(session: zenoh.Session, expression: str, s_max: float) -> set[str]:
-    """The keys of the tokens that match, as far as can be learned within ``s_max`` seconds."""
+    """The keys of the tokens that match, as far as can be learned within ``s_max`` seconds.
+
+    As in ``subscribe_alive``, tokens of many keys are left out.
+    """
     replies = session.liveliness().get(expression, timeout=s_max)
-    return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+    return set(filter(is_plain, (str(r.ok.key_expr) for r in replies if r.ok is not None)))
 
 
 def answer(session: zenoh.Session, key: str, reply: Callable[[], bytes]) -> Any:

@@ -113,7 +113,61 @@ def test_a_robot_that_missed_what_it_was_asked_is_asked_anew_until_it_answers():
     assert core.departures == [(1, "r2", "lost: no answer for 3 s"), (4, "r2", "back")]
 
 
-def test_a_robot_that_is_gone_is_not_asked_anew():
+@pytest.mark.parametrize("fell_silent_before", [False, True])
+def test_a_robot_whose_token_went_and_that_is_there_all_the_same_is_back(fell_silent_before):
+    core, roll = attended()
+    alive = RobotCore("r2", RUN)
+    answer(core, *ROBOTS)
+    answer(core, "r1", "r3", "r4")
+    if fell_silent_before:
+        roll.silent(1, 3.0)
+    roll.went("r2")
+    lost = core.departures[-1]
+    # What comes in the next moment was under way when it went.
+    for _ in range(2):
+        for message in said_by("r2", 1):
+            roll.heard(*message)
+        assert core.lost == ("r2",)
+        answer(core, "r1", "r3", "r4")
+        assert core.lost == ("r2",)
+        asked = roll.reminders()
+    assert [key for key, _ in asked] == [
+        robot_key(RUN, "r2", channel) for channel in ("setup", "observation")
+    ]
+    said = [reply for message in asked for reply in alive.receive(*message)]
+    assert (dict(alive.refused), len(said)) == ({}, 2)
+    for message in said:
+        roll.heard(*message)
+    assert roll.reminders() == []
+    answer(core, "r1", "r3", "r4")
+    assert core.departures == [lost, (core.state.tick, "r2", "back")]
+    # Its token, if that comes yet, brings nobody else, and counts from then on.
+    assert roll.came("r2") == []
+    assert core.refused == {}
+    roll.went("r2")
+    assert core.departures[2:] == [(core.state.tick, "r2", "lost: it is gone")]
+    roll.came("r2")
+    answer(core, "r1", "r3", "r4")
+    assert core.departures[3:] == [(core.state.tick, "r2", "back")]
+
+
+def test_a_robot_that_spoke_without_a_token_and_fell_silent_is_back_with_one():
+    core, roll = attended()
+    roll.went("r2")
+    for _ in range(2):
+        roll.reminders()
+    for message in said_by("r2", 0):
+        roll.heard(*message)
+    answer(core, "r1", "r3", "r4")
+    assert core.lost == ()
+    answer(core, "r1", "r3", "r4")
+    roll.silent(core.state.tick, 3.0)
+    roll.came("r2")
+    answer(core, "r1", "r3", "r4")
+    assert core.lost == ()
+
+
+def test_a_robot_that_is_gone_is_not_asked_anew_at_once():
     core, roll = attended()
     answer(core, "r1", "r3", "r4")
     roll.silent(0, 3.0)
@@ -157,6 +211,8 @@ def test_only_its_own_whole_messages_are_a_robots_sign_of_life():
         (key, encode(pose("r2", 0), "another")),
         (robot_key(RUN, "r2", "alive"), sound),
         (robot_key("another", "r2", "pose"), encode(pose("r2", 0), "another")),
+        (robot_key("another", "r2", "pose"), sound),
+        (robot_key("*", "r2", "pose"), sound),
         ("nonsense", sound),
     ]:
         roll.heard(where, payload)

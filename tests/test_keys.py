@@ -60,6 +60,11 @@ def test_the_worlds_key_is_taken_apart_and_names_no_robot(run, channel):
         "encircle/g1/world/r1/state",
         "encircle/g1/world/state ",
         "other/g1/world/state",
+        "encircle/*/world/state",
+        "encircle/g1/robots/*/pose",
+        "encircle/g1/robots//pose",
+        f"encircle/{'g' * 32}/world/state",
+        "encircle/g1/robots/r1\x1b[2J/pose",
     ],
 )
 def test_a_key_that_is_not_of_the_protocol_is_refused_by_name(key):

@@ -143,7 +143,7 @@ class Robot:
         self.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN))
         seen = Observation("r1", 0, (4.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
         first = robot_key(RUN, "r1", "observation"), encode(seen, RUN)
-        arguments = (self.core, self.link, first, lambda: None)
+        arguments = (self.core, self.link, first)
         self.thread = threading.Thread(target=answer, args=arguments, daemon=True)
         self.thread.start()
 

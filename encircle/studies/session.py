@@ -23,7 +23,7 @@ from encircle.studies.sources import versions
 from encircle.studies.work import Row, Task, row
 from encircle.studies.workers import StudyFailed
 from protocol.access import Access
-from protocol.keys import parse_key, robot_key, world_key
+from protocol.keys import robot_key, world_key
 from protocol.log import bounded_log
 from protocol.options import without_settings
 from protocol.zenoh_link import LinkError, ZenohLink
@@ -128,12 +128,14 @@ class Session:
         return RunLog.of_messages(arena.scenario, arena.seed, self._run, messages), digest
 
     def _alive_changed(self, key: str, alive: bool) -> None:
-        robot = parse_key(key).robot or ""
+        robot = next((r for r in self._robots if key == robot_key(self._run, r, "alive")), None)
+        if robot is None:
+            return
         if alive:
             self._alive.add(robot)
             if self._alive.issuperset(self._robots):
                 self._everyone.set()
-        elif robot in self._robots and not self._closed.is_set():
+        elif not self._closed.is_set():
             self._trouble = self._trouble or f"robot {robot} is gone"
 
     def _watch(self) -> None:

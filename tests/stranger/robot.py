@@ -238,6 +238,7 @@ def settings(endpoint):
 
 def main(me, run, endpoint):
     robot, base = Robot(me, run), f"encircle/{run}/robots/{me}"
+    world_alive = f"encircle/{run}/world/alive"
     with zenoh.open(settings(endpoint)) as session:
         mail, life = queue.Queue(), session.liveliness()
         hand_over = zenoh.handlers.Callback(mail.put, indirect=False)
@@ -245,7 +246,7 @@ def main(me, run, endpoint):
             session.declare_subscriber(
                 f"{base}/*", hand_over, allowed_origin=zenoh.Locality.REMOTE
             ),
-            life.declare_subscriber(f"encircle/{run}/world/alive", hand_over, history=True),
+            life.declare_subscriber(world_alive, hand_over, history=True),
         ]
         out = {
             channel: session.declare_publisher(
@@ -262,14 +263,16 @@ def main(me, run, endpoint):
             except queue.Empty:
                 print(f"{me}: no world", file=sys.stderr)
                 return 1
-            channel = str(sample.key_expr).rsplit("/", 1)[1]
-            if channel == "alive":
+            key = str(sample.key_expr)
+            if key == world_alive:
                 gone = sample.kind == zenoh.SampleKind.DELETE
                 deadline = time.monotonic() + WORLD_AWAY_S if gone else deadline
+            if not key.startswith(f"{base}/"):  # whatever matches it and is another, as ** does
                 continue
+            channel, refused = key.removeprefix(f"{base}/"), dict(robot.refused)
             for where, payload in robot.hear(channel, sample.payload.to_bytes()):
                 out[where].put(payload)
-            if robot.setup is not None:
+            if robot.setup is not None and robot.refused == refused:
                 deadline = None
     print(f"{me}: {robot.ended}")
     return 0 if robot.ended in ("captured", "ticks") else 1
