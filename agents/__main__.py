@@ -3,6 +3,7 @@
 import asyncio
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from agents.lean_start import postponed
 from protocol.access import AccessError
@@ -33,6 +34,13 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m agent
         read=seconds,
         metavar="S",
     )
+    options.add(
+        "--tracebacks",
+        "keep the traceback of a strategy that fails in this directory; a temporary file if left"
+        " out",
+        read=Path,
+        metavar="DIR",
+    )
     options.add_flag("--stay", "join run after run of that name")
     found = options.parse(arguments)
     # Imported late: a mistyped command need not wait for scipy.
@@ -49,7 +57,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m agent
     if said is not None:
         print(f"robot {found.id}: {said}", file=sys.stderr, flush=True)
     world_s_max = found.world_timeout or WORLD_S_MAX
-    return asyncio.run(run_robot(found.id, found.run, where, join_s_max, found.stay, world_s_max))
+    return asyncio.run(
+        run_robot(found.id, found.run, where, join_s_max, found.stay, world_s_max, found.tracebacks)
+    )
 
 
 if __name__ == "__main__":

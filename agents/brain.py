@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from agents import kalman, team
 from agents.avoid import avoid
+from agents.choices import checked
 from agents.kalman import Detection, Track
 from agents.publishing import Told, is_due, told_after
 from agents.relaying import passed_on, to_pass_on
@@ -21,17 +22,19 @@ from agents.spline import extrapolate
 from agents.strategies import Choice, Strategy, View
 from protocol.messages import Command, Observation, Point, Pose, quantise_m
 from protocol.parameters import Parameters
+from protocol.plugins import STRATEGIES, PluginFailed
 
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """What stays the same for one robot all through a run."""
+    """What stays the same for one robot all through a run. ``name``: the strategy's."""
 
     robot: str
     team: tuple[str, ...]
     tick_s: float
     strategy: Strategy
     parameters: Parameters
+    name: str = ""
 
     @property
     def own(self) -> int:
@@ -83,7 +86,7 @@ def step(
     """One tick.
 
     ``packets``: the decoded inbox, in any order; senders, and origins of what they relay, are in
-    ``role.team``.
+    ``role.team``. Raises ``PluginFailed`` if the strategy fails.
     """
     places = places_in(role.team)
     state, passed_ticks = _caught_up(state, observation.tick, role)
@@ -204,7 +207,10 @@ def _packet(
 def _choose(
     state: BrainState, track: Track, mates: team.Team, observation: Observation, role: Role
 ) -> tuple[Choice, Search | None]:
-    """The strategy's choice, or the search's, and the search if one is under way."""
+    """The strategy's choice, or the search's, and the search if one is under way.
+
+    ``PluginFailed`` if the strategy raises, or chooses what cannot be.
+    """
     parameters, tick = role.parameters, observation.tick
     estimate = track.estimate
     if estimate is None:
@@ -215,7 +221,10 @@ def _choose(
     predict = partial(extrapolate, track, role.tick_s, parameters)
     target = (estimate.x, estimate.y)
     view = View(mates.own, mates.positions, target, predict, parameters, state.goal)
-    return role.strategy(view), None
+    try:
+        return checked(role.strategy(view)), None
+    except (Exception, SystemExit) as error:
+        raise PluginFailed(STRATEGIES, role.name, role.robot, tick, error) from error
 
 
 def _limited(step: Point, length_m_max: float) -> Point:

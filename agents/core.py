@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from agents import brain
-from agents.strategies import strategy_named
+from agents.strategies import Choice, Strategy, View, strategy_named
 from protocol.codec import decode, decode_pose, encode
 from protocol.errors import MalformedMessage, OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key
-from protocol.messages import End, Observation, Pose, Setup
+from protocol.messages import FAILED, Command, End, Observation, Pose, Setup
 from protocol.parameters import Parameters
+from protocol.plugins import STRATEGIES, PluginBroken, PluginFailed
 
 
 class RobotCore:
@@ -24,17 +25,26 @@ class RobotCore:
     ``taken`` counts what was said by the world and not refused, so that it shows whether one is
     there.
 
+    ``failed``: how the robot's own code has failed, if it has. From then on the robot says so, in
+    place of commands, whatever it is asked; ``decide`` raises it, and ``tell_failure`` gets it.
+
     ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation
     that is already decoded, for hunts inside one process. A setup starts a fresh brain at any time:
     a robot that was lost is taken in again with one.
     """
 
     def __init__(
-        self, robot: str, run: str, log: Callable[[str], None] = lambda _line: None
+        self,
+        robot: str,
+        run: str,
+        log: Callable[[str], None] = lambda _line: None,
+        tell_failure: Callable[[PluginFailed], None] = lambda _failed: None,
     ) -> None:
         self.robot = robot
         self.run = run
         self.ended: str | None = None
+        self.failed: PluginFailed | None = None
+        self._told: PluginFailed | None = None
         self.refused: Counter[str] = Counter()
         self.taken = 0
         self.setup: Setup | None = None
@@ -45,6 +55,7 @@ class RobotCore:
         self._answered: bytes | None = None
         self._answer: list[tuple[str, bytes]] = []
         self._log = log
+        self._tell_failure = tell_failure
         self._pose_key = robot_key(run, robot, "pose")
         self._command_key = robot_key(run, robot, "command")
 
@@ -67,7 +78,7 @@ class RobotCore:
         if channel == "observation":
             # Asked once more when the answer was lost on the way: nothing is decided anew.
             if payload != self._answered:
-                action = self.decide(decode(Observation, payload, self.run))
+                action = self.answer(decode(Observation, payload, self.run))
                 self._answered, self._answer = payload, []
                 if action.command.tick < self._answer_tick:
                     return []
@@ -95,23 +106,42 @@ class RobotCore:
                 f" ({setup.first_tick}) or later"
             )
         try:
-            role = brain.Role(
-                self.robot,
-                setup.team,
-                setup.tick_s,
-                strategy_named(setup.strategy),
-                Parameters.from_mapping(setup.parameters),
-            )
+            strategy, self.failed = self._strategy(setup)
+            parameters = Parameters.from_mapping(setup.parameters)
         except ValueError as error:
             raise MalformedMessage(f"Setup: {error}") from None
+        role = brain.Role(
+            self.robot, setup.team, setup.tick_s, strategy, parameters, setup.strategy
+        )
         # Whatever was known is of another life; its track may have a gap that no filter bridges.
         self.setup, self.role = setup, role
         self.state = brain.initial(role, setup.first_tick)
         self._tick, self._answer_tick = setup.first_tick - 1, setup.answer_tick
         self._answered = None
 
+    def _strategy(self, setup: Setup) -> tuple[Strategy, PluginFailed | None]:
+        """The strategy of a setup, or how it cannot be had; ``ValueError`` if nobody knows it."""
+        try:
+            return strategy_named(setup.strategy), None
+        except PluginBroken as error:
+            failed = PluginFailed(STRATEGIES, setup.strategy, self.robot, setup.first_tick, error)
+            return _none, failed
+
+    def answer(self, observation: Observation) -> brain.Action:
+        """As ``decide``; a robot whose own code fails answers with that instead."""
+        try:
+            return self.decide(observation)
+        except PluginFailed as error:
+            if error is not self._told:
+                self.failed = self._told = error
+                self._tell_failure(error)
+            return brain.Action(None, _failed(observation))
+
     def decide(self, observation: Observation) -> brain.Action:
-        """Answer an observation; ``OutOfTurn`` before setup or if its tick is not the next one."""
+        """Answer an observation; ``OutOfTurn`` before setup or if its tick is not the next one.
+
+        ``PluginFailed`` if the strategy fails.
+        """
         if self.role is None or self.state is None:
             raise OutOfTurn(f"observation of tick {observation.tick} before setup")
         if observation.robot != self.robot:
@@ -128,6 +158,8 @@ class RobotCore:
             if robot not in places or robot == self.robot:
                 raise MalformedMessage(f"Observation: lost {robot!r}, must be a peer of this team")
         self._tick = observation.tick
+        if self.failed is not None:
+            raise self.failed
         packets = []
         for packet in observation.inbox:
             try:
@@ -166,3 +198,13 @@ class RobotCore:
         """Count and log something that was refused."""
         self.refused[error.cause] += 1
         self._log(f"{self.robot} refused a message on {key}: {error}")
+
+
+def _none(view: View) -> Choice:
+    raise AssertionError(f"a robot without a strategy is not asked for one: {view}")
+
+
+def _failed(observation: Observation) -> Command:
+    """The command of a robot that cannot say what to do: it stands still."""
+    robot, tick = observation.robot, observation.tick
+    return Command(robot, tick, (0.0, 0.0), FAILED, None, None, None, None, None, (), False)

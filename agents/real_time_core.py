@@ -119,7 +119,7 @@ class RealTimeCore:
         if self._setup.radio == "direct":
             inbox += self._hearing.take(newest.tick)
         try:
-            action = self.core.decide(replace(newest, inbox=tuple(inbox)))
+            action = self.core.answer(replace(newest, inbox=tuple(inbox)))
         except ProtocolError as error:
             self.core.refuse("observation", error)
             self._count(PASSED_OVER, 1)

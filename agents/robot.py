@@ -13,6 +13,7 @@ import gc
 import signal
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from agents import real_time
@@ -23,6 +24,8 @@ from protocol.keys import robot_key, world_key
 from protocol.links import Link
 from protocol.log import bounded_log
 from protocol.one_of_a_name import check_free
+from protocol.plugins import PluginBroken, PluginFailed
+from protocol.tracebacks import line_of
 from protocol.zenoh_link import LinkError, ZenohLink
 
 JOIN_S_MAX = 30.0
@@ -36,9 +39,17 @@ OTHER_VERSION = "this program speaks"
 class _Life:
     """The runs that one robot process takes part in: one, or one after the other if it stays."""
 
-    def __init__(self, robot: str, run: str, log: Callable[[str], None], stays: bool) -> None:
-        self._new = partial(RobotCore, robot, run, self._refused)
+    def __init__(
+        self,
+        robot: str,
+        run: str,
+        log: Callable[[str], None],
+        stays: bool,
+        tracebacks: Path | None = None,
+    ) -> None:
+        self._new = partial(RobotCore, robot, run, self._refused, self._failed)
         self._log = log
+        self._tracebacks = tracebacks
         self.stays = stays
         self.core = self._new()
         self.completed = 0
@@ -48,6 +59,9 @@ class _Life:
         if OTHER_VERSION in line:
             self.other_version = line
         self._log(line)
+
+    def _failed(self, failed: PluginFailed) -> None:
+        self._log(f"robot {failed.who}: {line_of(failed, self._tracebacks)}")
 
     def answer(self, link: Link) -> None:
         """Answer round by round until there is no further run or the link is closed."""
@@ -191,8 +205,12 @@ async def run_robot(
     join_s_max: float = JOIN_S_MAX,
     stays: bool = False,
     world_s_max: float = WORLD_S_MAX,
+    tracebacks: Path | None = None,
 ) -> int:
     """One robot's life in a run; returns the exit status: 0 if the run was completed.
+
+    1 if not, whatever the reason; but 2 if its strategy cannot be loaded, which is no run's fault.
+    ``tracebacks``: the directory for that of a strategy that fails, a temporary file if None.
 
     ``stays``: take part in run after run under the same name, until the world is gone.
     ``world_s_max``: how long to wait, in s, for a world that is gone.
@@ -205,7 +223,7 @@ async def run_robot(
     except LinkError as error:
         log(f"robot {robot}: {error}")
         return 1
-    life = _Life(robot, run, log, stays)
+    life = _Life(robot, run, log, stays, tracebacks)
     world = f"the world of run {run} at {access}"
     waits = (join_s_max, world_s_max)
     supervisor = _Supervisor(life, lambda said: log(f"robot {robot}: {said}"), world, waits)
@@ -231,7 +249,9 @@ async def run_robot(
         await rounds
     if life.idle:
         return 0
-    ended = life.core.ended
+    ended, failed = life.core.ended, life.core.failed
+    if failed is not None:
+        return 2 if isinstance(failed.error, PluginBroken) else 1
     if ended is not None:
         if not stays:
             log(f"robot {robot}: run {run} ended: {ended}")

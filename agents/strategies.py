@@ -8,7 +8,6 @@ collisions.
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
-from importlib.metadata import entry_points
 from math import copysign, hypot, sin, sqrt
 from typing import NamedTuple, Protocol
 
@@ -21,8 +20,7 @@ from agents.ring import encirclement_points
 from agents.shrink import deviation, encloses, sides
 from protocol.messages import Point
 from protocol.parameters import Parameters
-
-GROUP = "encircle.strategies"
+from protocol.plugins import STRATEGIES, installed
 
 
 class View(NamedTuple):
@@ -156,10 +154,13 @@ BUILT_IN: dict[str, Strategy] = {
 
 @lru_cache(maxsize=64)
 def strategy_named(name: str) -> Strategy:
-    """The strategy of that name; ``ValueError`` lists the known ones."""
+    """The strategy of that name; ``ValueError`` lists the known ones.
+
+    ``PluginBroken`` if it is installed but cannot be loaded.
+    """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    found = {entry.name: entry for entry in entry_points(group=GROUP)}
+    found = installed(STRATEGIES)
     if name not in found:
         known = ", ".join(sorted({*BUILT_IN, *found}))
         raise ValueError(f"strategy {name!r} is not known; known are: {known}")

@@ -31,6 +31,8 @@ SetOption = Annotated[
 def main() -> None:
     """Entry point of ``encircle``: one clear line for whatever goes wrong."""
     from encircle.launch import RunFailed
+    from protocol.plugins import PluginFailed
+    from protocol.tracebacks import line_of
     from world.run_directory import RunDirectoryError
     from world.scenario import ScenarioError
 
@@ -41,6 +43,10 @@ def main() -> None:
         sys.exit(2)
     except RunFailed as error:
         print(f"encircle: the run failed: {error}", file=sys.stderr)
+        sys.exit(1)
+    except PluginFailed as error:
+        # What only reads a run leaves nothing in its directory.
+        print(f"encircle: {line_of(error, None)}", file=sys.stderr)
         sys.exit(1)
     except KeyboardInterrupt:
         print("encircle: the run failed: stopped by SIGINT", file=sys.stderr)

@@ -6,11 +6,12 @@ import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from protocol.log import bounded_log
+from protocol.tracebacks import line_of
 from world.recorder import RecordingStopped
 from world.remarks import ScenarioRemark
 from world.result import GO_ON, WHEN_LOST, Result
@@ -144,7 +145,7 @@ def resume(
 
         arguments = ["--resume", str(place), "--when-lost", when_lost]
         order = ["world", *scenario.ids]
-        result, timing = run_processes(arguments, scenario.ids, name, tell, order)
+        result, timing = run_processes(arguments, scenario.ids, name, tell, order, place)
         processes = len(order)
     wall_s = time.perf_counter() - begun
     return Hunt(scenario, scenario.seed, link, name, result, processes, wall_s, place, timing)
@@ -169,7 +170,7 @@ def _in_memory(
     resumed: "Resumed | None" = None,
 ) -> tuple[Result, dict[str, Any], int]:
     from encircle.launch import RunFailed
-    from encircle.memory import run_in_memory
+    from encircle.memory import RunBroken, run_in_memory
     from world.engine import build
 
     arena = build(scenario, scenario.seed)
@@ -187,16 +188,24 @@ def _in_memory(
             said = time.perf_counter()
             tell({"tick": world.state.tick, "distances_m": list(world.result().distances_m)})
 
-    begun = time.perf_counter()
+    begun, failure = time.perf_counter(), ""
     try:
         with closing(recorder) if recorder else nullcontext():
-            result = run_in_memory(arena, name, bounded_log(), record, progress, resumed=resumed)
+            try:
+                result = run_in_memory(
+                    arena, name, bounded_log(), record, progress, resumed=resumed
+                )
+            except RunBroken as error:
+                failure = line_of(error.failed, directory)
+                result = replace(error.result, ended=f"failed: {failure}")
         timing = {"rounds_s": time.perf_counter() - begun}
         tell({"result": asdict(result)})
         if directory is not None:
             write_summary(directory, scenario, result, name, timing)
     except RecordingStopped as error:
         raise RunFailed(str(error), resumable=True) from None
+    if failure:
+        raise RunFailed(failure)
     return result, timing, 1
 
 
@@ -216,7 +225,7 @@ def _as_processes(
         path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
         arguments = [str(path), *(["--out", str(directory)] if directory else [])]
         arguments += ["--when-lost", when_lost]
-        result, timing = run_processes(arguments, scenario.ids, name, tell, order)
+        result, timing = run_processes(arguments, scenario.ids, name, tell, order, directory)
     return result, timing, len(scenario.ids) + 1
 
 

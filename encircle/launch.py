@@ -14,9 +14,11 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from protocol.options import without_settings
+from protocol.tracebacks import KEPT_IN
 from world.result import Result
 from world.scenario import ScenarioError
 
@@ -54,19 +56,29 @@ def run_processes(
     run: str,
     report: Callable[[dict[str, Any]], None],
     start_order: Sequence[str] | None = None,
+    directory: Path | None = None,
 ) -> tuple[Result, dict[str, Any]]:
     """Run a hunt with one process per robot; returns its result and timings.
 
     ``world_arguments``: scenario and options for ``python -m world``. ``report`` gets the world's
     reports, and ``{"started": {name: pid}, "run": name, "endpoint": endpoint}`` first.
-    ``start_order`` is for tests. Raises ``RunFailed``.
+    ``start_order`` is for tests; ``directory``: that of the run, if any. Raises ``RunFailed``.
     """
-    return asyncio.run(_Launch(run, report).run(world_arguments, start_order or ["world", *robots]))
+    launch = _Launch(run, robots, report, directory)
+    return asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
 
 
 class _Launch:
-    def __init__(self, run: str, report: Callable[[dict[str, Any]], None]) -> None:
+    def __init__(
+        self,
+        run: str,
+        robots: Sequence[str],
+        report: Callable[[dict[str, Any]], None],
+        directory: Path | None,
+    ) -> None:
         self.name = run
+        self.robots = robots
+        self.own = ["--tracebacks", str(directory)] if directory is not None else []
         self.report = report
         self.endpoint = free_endpoint()
         self.processes: dict[str, asyncio.subprocess.Process] = {}
@@ -105,7 +117,7 @@ class _Launch:
         own = (
             ["world", *world_arguments, "--listen", self.endpoint, "--parent"]
             if name == "world"
-            else ["agents", name, "--connect", self.endpoint]
+            else ["agents", name, "--connect", self.endpoint, *self.own]
         )
         pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
         self.processes[name] = await asyncio.create_subprocess_exec(
@@ -170,7 +182,7 @@ class _Launch:
             self.held_s.clear()
         for name in [name for name, due_s in self.held_s.items() if now_s >= due_s]:
             del self.held_s[name]
-            self.report({"log": f"robot {name} {_how_ended(self.processes[name].returncode)}"})
+            self.report({"log": self._how_robot_ended(name)})
 
     async def _read_reports(self) -> None:
         stream = self.processes["world"].stdout
@@ -227,6 +239,9 @@ class _Launch:
         departures = tuple((t, robot, what) for t, robot, what in self.result.pop("departures"))
         result = Result(distances_m=distances_m, departures=departures, **self.result)
         if result.ended.startswith("failed"):
+            if failure := self._failure_of_plugins(result.ended.removeprefix("failed: ")):
+                # Its world waits where it was, but the same would happen again.
+                raise RunFailed(failure)
             if not self.begun and self.failed and self.failed[0] != "world":
                 # The world can only say that it was stopped, or who did not come.
                 raise RunFailed(self._first_failure())
@@ -238,6 +253,20 @@ class _Launch:
             ]
             raise RunFailed(reason + "".join(how), resumable=self.begun)
         return result, extra
+
+    def _failure_of_plugins(self, reason: str) -> str:
+        """The line that tells of a plug-in that failed, in the world or in robots, if one has."""
+        if KEPT_IN in reason:
+            return reason
+        found = {
+            robot: line.removeprefix(f"robot {robot}: ")
+            for robot in self.robots
+            for line in self.errors.get(robot, ())
+            if KEPT_IN in line
+        }
+        first, *others = found or [""]
+        # As a rule robots with the same strategy fail at the same tick.
+        return found.get(first, "") + (f"; likewise {', '.join(others)}" if others else "")
 
     def _first_failure(self) -> str:
         """Why there is no result at all: what the first process to fail said, or how it ended."""
@@ -251,7 +280,14 @@ class _Launch:
         if name == "world":
             # A configuration error has several lines, each of which helps.
             return "\n".join(said) or f"the world {_how_ended(status)} at tick {self.tick}"
-        return f"robot {name} {_how_ended(status)}: {said[-1] if said else 'it said nothing'}"
+        return self._how_robot_ended(name)
+
+    def _how_robot_ended(self, name: str) -> str:
+        """How a robot's process ended; if by itself, with the last that it said, as of an error."""
+        said = [line for line in self.errors.get(name, []) if not _in_passing(line)]
+        status = self.processes[name].returncode
+        last = f": {said[-1] if said else 'it said nothing'}" if status and status > 0 else ""
+        return f"robot {name} {_how_ended(status)}{last}"
 
 
 def _in_passing(line: str) -> bool:

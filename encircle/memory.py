@@ -14,6 +14,7 @@ from agents.core import RobotCore
 from protocol.codec import decode, encode, remember_pose
 from protocol.keys import parse_key
 from protocol.messages import Command, Observation
+from protocol.plugins import PluginFailed
 from world.core import Record, WorldCore
 from world.engine import Arena
 from world.result import Result
@@ -27,6 +28,15 @@ class Answer(NamedTuple):
 
     packet: bytes
     command: Command
+
+
+class RunBroken(Exception):
+    """A run that a plug-in has ended: how it failed, and what had come of the run so far."""
+
+    def __init__(self, failed: PluginFailed, result: Result) -> None:
+        super().__init__(str(failed))
+        self.failed = failed
+        self.result = result
 
 
 class Watch(Protocol):
@@ -56,7 +66,8 @@ def run_in_memory(
 ) -> Result:
     """Run a hunt to its end; ``progress`` is called at every tick but the last.
 
-    ``resumed``: a hunt to go on with instead of beginning one.
+    ``resumed``: a hunt to go on with instead of beginning one. ``RunBroken`` if a strategy or the
+    target's behaviour fails.
     """
     with little_garbage():
         cores = {robot: RobotCore(robot, run, log) for robot in arena.ids}
@@ -70,7 +81,13 @@ def run_in_memory(
             world = resumed.core
             world.record = record
             asked = _asked_again(resumed, cores)
-        return _run(world, cores, asked, progress, watch)
+        try:
+            _run(world, cores, asked, progress, watch)
+        except PluginFailed as error:
+            world.give_up(error)
+        if world.broken is not None:
+            raise RunBroken(world.broken, world.result()) from world.broken
+        return world.result()
 
 
 @contextmanager
@@ -91,7 +108,7 @@ def _run(
     asked: list[Observation],
     progress: Callable[[WorldCore], None] | None,
     watch: Watch | None,
-) -> Result:
+) -> None:
     robots, run = tuple(cores.values()), world.run
     while asked:
         answers: dict[str, Answer] = {}
@@ -109,9 +126,8 @@ def _run(
         if progress is not None:
             progress(world)
         asked = _asked(world, cores, watch)
-    if watch is not None:
+    if watch is not None and world.broken is None:
         watch.ended(world)
-    return world.result()
 
 
 def _asked(

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 
 from agents.core import RobotCore
 from agents.real_time_core import RealTimeCore
-from encircle.replaying import ReplayCheck
+from encircle.replaying import ReplayCheck, raise_failure
 from protocol.codec import decode
 from protocol.keys import robot_key
 from protocol.messages import Command, Pose
@@ -161,6 +161,7 @@ class _Check:
 
     def _decide(self, robot: RealTimeCore, tick: int) -> None:
         action = robot.decide()
+        raise_failure(robot.core)
         if action is None:
             self.differences.append((tick, self._robot, "command"))
             return

@@ -37,7 +37,10 @@ class ReplayCheck:
 
 
 def replay(path: str | Path) -> ReplayCheck:
-    """Feed a recording's observations to fresh brains and compare what they decide."""
+    """Feed a recording's observations to fresh brains and compare what they decide.
+
+    ``PluginFailed`` if a strategy fails on them, as it may have done in the run.
+    """
     recording = read_recording(path)
     run = recording.run
     if recording.scenario.clock == "wall":
@@ -57,6 +60,7 @@ def replay(path: str | Path) -> ReplayCheck:
             heard.add((tick, robot, channel))
             for key, answer in cores[robot].receive(f"encircle/{run}/{topic}", payload):
                 decided[tick, robot, key.rsplit("/", 1)[1]] = answer
+            raise_failure(cores[robot])
         elif channel in ("pose", "command"):
             compared += 1
             if not _same(decided.pop((tick, robot, channel), None), payload, channel, run):
@@ -81,6 +85,12 @@ def replay(path: str | Path) -> ReplayCheck:
         tuple(differences),
         recording.complete,
     )
+
+
+def raise_failure(core: RobotCore) -> None:
+    """Raise how a robot's strategy has failed, if it has."""
+    if core.failed is not None:
+        raise core.failed
 
 
 def _spoke(recording: Recording) -> set[tuple[int, str]]:

@@ -17,6 +17,8 @@ QUANTUM_M = 1.0 / QUANTA_PER_M
 RELAYED_MAX = 16
 HEARD_MAX = 256
 RADIOS = ("world", "direct")
+FAILED = "failed"
+"""Mode of the command of a robot whose own code has failed: it cannot go on, nor can the run."""
 
 
 def quantise_m(length_m: float) -> float:

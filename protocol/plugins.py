@@ -4,21 +4,54 @@ A plug-in is named in a scenario and is other people's code: it may be missing, 
 any tick of a run. Then it is named in full, with where it comes from, and so is the error.
 """
 
+import reprlib
 import traceback
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
+from math import nan
 from typing import Any
+
+from protocol.fields import NUMBER_MAX
+from protocol.messages import Point
 
 STRATEGIES, TARGETS = "encircle.strategies", "encircle.targets"
 GROUPS = (STRATEGIES, TARGETS)
 KINDS = {STRATEGIES: "strategy", TARGETS: "target behaviour"}
+TARGET = "target"
 OWN = "encircle"
 """The distribution whose entry points are the shipped ones, not plug-ins."""
 
 
+TEXT_MAX = 300
+
+
 class PluginBroken(Exception):
     """A plug-in that is installed but cannot be loaded; the message says which and why."""
+
+
+class BadAnswer(ValueError):
+    """What a plug-in has answered cannot be; the message says what, and what must be."""
+
+
+class PluginFailed(Exception):
+    """A plug-in that failed in mid-run; the message names it, and who, when, and the error.
+
+    ``who``: the robot's id, or ``target``; ``error``: what was raised.
+    """
+
+    def __init__(self, group: str, name: str, who: str, tick: int, error: BaseException) -> None:
+        plugin = installed(group).get(name)
+        source = f" ({plugin.source})" if plugin is not None else ""
+        place = "" if who == TARGET else f" in robot {who}"
+        said = f"answered {error}" if isinstance(error, BadAnswer) else error_line(error)
+        super().__init__(f"{KINDS[group]} {name!r}{source} failed{place} at tick {tick}: {said}")
+        self.who = who
+        self.error = error
+
+    @property
+    def trace(self) -> str:
+        """The traceback of the error, to be read by whoever wrote the plug-in."""
+        return "".join(traceback.format_exception(self.error))
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +78,7 @@ class Plugin:
         try:
             found = self.entry.load()
         except (Exception, SystemExit) as error:
-            raise PluginBroken(f"{self.source} cannot be loaded: {_told(error)}") from error
+            raise PluginBroken(f"{self.source} cannot be loaded: {error_line(error)}") from error
         if not callable(found):
             raise PluginBroken(f"{self.source} is {type(found).__name__}, must be a function")
         return found
@@ -56,12 +89,40 @@ def installed(group: str) -> dict[str, Plugin]:
     return {entry.name: Plugin(group, entry.name, entry) for entry in entry_points(group=group)}
 
 
-def _told(error: BaseException) -> str:
-    """An error in one line: its type, its text, and where it was raised, if in a file."""
-    text = " ".join(str(error).split())
-    told = f"{type(error).__name__}: {text}" if text else type(error).__name__
-    frames = traceback.extract_tb(error.__traceback__)
-    inner = frames[-1] if frames else None
-    if inner is None or "importlib" in inner.filename:
-        return told
-    return f"{told} ({Path(inner.filename).name}, line {inner.lineno})"
+def error_line(error: BaseException) -> str:
+    """An error in one line: its type and its text."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:
+        # It is other people's code that says so.
+        text = "its text cannot be had"
+    text = text if len(text) <= TEXT_MAX else text[:TEXT_MAX] + "..."
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def pair_of_m(name: str, value: Any) -> Point:
+    """A pair of numbers that a message can hold, as plain ones; ``BadAnswer`` if it is none."""
+    try:
+        x, y = value
+        if not (type(x) is type(y) is float):
+            if {str, bool} & {type(x), type(y)}:
+                raise TypeError
+            x, y = float(x), float(y)
+    except (TypeError, ValueError, OverflowError):
+        x = y = nan
+    # NaN is not between anything.
+    if -NUMBER_MAX < x < NUMBER_MAX > y > -NUMBER_MAX:
+        return x, y
+    raise BadAnswer(
+        f"{name} = {shown(value)}: must be two numbers between -{NUMBER_MAX:g} and {NUMBER_MAX:g},"
+        " in m"
+    )
+
+
+def shown(value: Any) -> str:
+    """A value as error lines show it, whatever it is."""
+    try:
+        text = " ".join(reprlib.repr(value).split())
+    except Exception:
+        return f"a {type(value).__name__}"
+    return text

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 
 from agents.strategies import (
     BUILT_IN,
-    GROUP,
     View,
     encircle_or_shrink,
     pursue,
@@ -27,6 +26,7 @@ from agents.strategies import (
     xi_3,
 )
 from protocol.parameters import Parameters
+from protocol.plugins import STRATEGIES
 
 CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
 P = Parameters()
@@ -295,7 +295,7 @@ def test_a_lopsided_ring_evens_out_around_a_target_that_stands(bearings):
 
 def test_names_stand_for_the_same_strategies_here_and_as_entry_points():
     project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())
-    declared = project["project"]["entry-points"][GROUP]
+    declared = project["project"]["entry-points"][STRATEGIES]
     names = {strategy: name for name, strategy in declared.items()}
     assert set(declared) == set(BUILT_IN)
     for name, strategy in BUILT_IN.items():

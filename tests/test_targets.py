@@ -11,10 +11,10 @@ from helpers_world import arena, small
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from protocol.plugins import TARGETS
 from world.engine import advance, initial
 from world.targets import (
     BUILT_IN,
-    GROUP,
     TargetView,
     behaviour_named,
     check_parameters,
@@ -168,7 +168,7 @@ def test_a_behaviour_does_not_change_what_it_is_given_and_repeats_itself(name):
 
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_the_built_in_behaviours_are_the_declared_entry_points(name):
-    declared = {e.name: e for e in entry_points(group=GROUP)}
+    declared = {e.name: e for e in entry_points(group=TARGETS)}
     assert behaviour_named(name) is BUILT_IN[name] is declared[name].load()
 
 

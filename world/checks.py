@@ -1,10 +1,10 @@
 """What contradicts itself in a scenario although each value is in range; with key and value."""
 
-from importlib.metadata import entry_points
 from math import hypot
 from typing import TYPE_CHECKING
 
 from protocol.parameters import Parameters
+from protocol.plugins import STRATEGIES, PluginBroken, installed
 from world.fields import ROBOTS_MAX
 from world.radio_checks import problems_of_radio
 from world.targets import behaviour_named, check_parameters
@@ -69,15 +69,21 @@ def _times(scenario: "Scenario") -> list[str]:
 
 def _names(scenario: "Scenario") -> list[str]:
     found = []
-    strategies = sorted(e.name for e in entry_points(group="encircle.strategies"))
+    strategies = installed(STRATEGIES)
     if scenario.team.strategy not in strategies:
         found.append(
             f"team.strategy = {scenario.team.strategy!r}: unknown strategy;"
-            f" known are: {', '.join(strategies)}"
+            f" known are: {', '.join(sorted(strategies))}"
         )
+    elif not (plugin := strategies[scenario.team.strategy]).shipped:
+        # The robots would find out, but later, and each by itself.
+        try:
+            plugin.load()
+        except PluginBroken as error:
+            found.append(f"team.strategy = {scenario.team.strategy!r}: {error}")
     try:
         behaviour = behaviour_named(scenario.target.behaviour)
-    except ValueError as error:
+    except (ValueError, PluginBroken) as error:
         found.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
     else:
         try:

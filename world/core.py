@@ -22,7 +22,8 @@ from protocol.codec import Message, begins_canonically, body_of, decode, decode_
 from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.lockstep import LockStep, Move
-from protocol.messages import Command, End, Observation, Point, Pose, Radio, Setup
+from protocol.messages import FAILED, Command, End, Observation, Point, Pose, Radio, Setup
+from protocol.plugins import PluginFailed
 from world import channel as radio
 from world import engine
 from world.account import Account, Outgoing, Record
@@ -54,6 +55,8 @@ class _Answer:
 class WorldCore:
     """The protocol around one arena. ``ended`` holds the reason once the run is over.
 
+    ``broken``: the plug-in that has ended it, if one of this process has.
+
     ``record`` gets every message of the run; ``shows`` says whether ``settle`` returns the state at
     every tick, for viewers. ``setups``: the messages that go before the observations of this round,
     to the robots that are back.
@@ -71,6 +74,7 @@ class WorldCore:
         self.table = LockStep(arena.ids)
         self.state = engine.initial(arena)
         self.ended: str | None = None
+        self.broken: PluginFailed | None = None
         self.refused: Counter[str] = Counter()
         self._log = log
         self.record = record
@@ -138,14 +142,15 @@ class WorldCore:
 
     def receive(self, key: str, payload: bytes) -> Outgoing:
         """Take one message in; returns the messages to send. Never raises for remote input."""
+        was_over = self.ended is not None
         try:
             self._receive(key, payload)
         except ProtocolError as error:
             self.refuse(key, error)
             return []
-        if self.ended is not None or not self.table.complete:
-            return []
-        return self._next_round()
+        if self.ended is not None:
+            return [] if was_over else self._end_messages()
+        return self._next_round() if self.table.complete else []
 
     def unanswered(self) -> Outgoing:
         """The observations whose answers are still to come, to be sent again: both may be lost.
@@ -180,7 +185,11 @@ class WorldCore:
             # Recorded here and in robot order, whatever the order in which the robots joined.
             self._account.note(0, [], [self._setup(robot) for robot in self.arena.ids])
         else:
-            self._advance()
+            try:
+                self._advance()
+            except PluginFailed as error:
+                self.give_up(error)
+                return []
         state = self.state
         if state.captured or state.tick >= self.arena.scenario.ticks_max:
             self.ended = "captured" if state.captured else "ticks"
@@ -212,6 +221,11 @@ class WorldCore:
             self.ended = f"failed: {reason}"
         return self._end_messages()
 
+    def give_up(self, error: PluginFailed) -> None:
+        """End the run as failed, because a plug-in of this process has."""
+        self.broken = error
+        self.fail(str(error))
+
     def settle(self) -> Outgoing:
         """Digest and record what has happened since the last call; returns states for viewers."""
         return self._account.settle(self.record, self._state_key)
@@ -235,6 +249,9 @@ class WorldCore:
             command = decode(Command, payload, self.run)
             _check_sender(robot, command)
             self._take_command(command, payload)
+            if command.mode == FAILED:
+                # Only where it happened can it be said how.
+                self.fail(f"robot {robot} has failed at tick {command.tick}, and says itself how")
         else:
             raise OutOfTurn(f"the world does not listen to {channel!r}")
 

@@ -22,7 +22,7 @@ from world import collisions, dynamics, placement, sensing
 from world.draws import Purpose, uniforms
 from world.dynamics import quantised
 from world.scenario import MoveTarget, Scenario, Silence
-from world.targets import Behaviour, TargetView, behaviour_named
+from world.targets import TargetView, act
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +38,6 @@ class Arena:
     radii: Floats
     ranges: Floats
     step_m_max: Floats
-    behaviour: Behaviour
     channel: radio.Channel
 
 
@@ -78,7 +77,6 @@ def build(scenario: Scenario, seed: int) -> Arena:
         ),
         np.array([team.sensing_range_m] * count + [target.sensing_range_m]),
         np.array([team.step_m_max] * count + [target.step_m_max]),
-        behaviour_named(target.behaviour),
         radio.build(scenario, seed),
     )
 
@@ -293,7 +291,8 @@ def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Floats]:
         arena.scenario.target.step_m_max,
         arena.scenario.target.radius_m,
     )
-    memory, step = arena.behaviour(state.memory, view, **arena.scenario.target.parameters)
+    target = arena.scenario.target
+    memory, step = act(target.behaviour, state.memory, view, target.parameters)
     return memory, np.array([step])
 
 

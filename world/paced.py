@@ -75,8 +75,7 @@ def _take(
     for came_us, key, payload in came:
 
         def change(came_us: int = came_us, key: str = key, payload: bytes = payload) -> Outgoing:
-            core.take(key, payload, came_us)
-            return attendance.heard(key, payload)
+            return [*core.take(key, payload, came_us), *attendance.heard(key, payload)]
 
         act(change)
 

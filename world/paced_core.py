@@ -77,10 +77,13 @@ class PacedCore(WorldCore):
         """The first observations, once everyone has joined."""
         return self._messages(self.ask())
 
-    def take(self, key: str, payload: bytes, came_us: int) -> None:
-        """Take in a message that came at a time. Never raises for remote input."""
+    def take(self, key: str, payload: bytes, came_us: int) -> Outgoing:
+        """Take in a message that came at a time; there is something to send if it ends the run.
+
+        Never raises for remote input.
+        """
         self._now_us = came_us
-        super().receive(key, payload)
+        return super().receive(key, payload)
 
     def end_tick(self, now_us: int) -> Outgoing:
         """End the tick with what has come, and begin the next; returns the messages to send."""
@@ -107,6 +110,8 @@ class PacedCore(WorldCore):
         """As in ``WorldCore``, with the times noted."""
         begins = self.table.tick < 0
         observations = super().ask()
+        if self.broken is not None:
+            return []
         back = {key for key, _ in self.setups}
         for robot in self.arena.ids:
             if begins or robot_key(self.run, robot, "setup") in back:

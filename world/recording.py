@@ -16,7 +16,7 @@ from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from world.run_directory import RECORDING, RunDirectoryError
-from world.scenario import Scenario, load
+from world.scenario import Scenario, ScenarioError, load
 
 UNREADABLE = (
     *(McapError, EOFError, ValueError, KeyError, struct.error),
@@ -93,7 +93,10 @@ def read_recording(path: str | Path) -> Recording:
     try:
         scenario, seed, run = read_metadata(metadata)
         versions = json.loads(metadata.get("versions", "{}"))
-    except (KeyError, ValueError):  # a scenario that does not load is a ValueError too
+    except ScenarioError as error:
+        # As of a strategy or target that is not installed here.
+        raise RecordingError(f"{file_path} cannot be understood here: {error}") from None
+    except (KeyError, ValueError):
         raise RecordingError(
             f"{file_path} is not a recording of this program, or its head is damaged"
         ) from None

@@ -16,6 +16,7 @@ from typing import Any
 from protocol.access import Access
 from protocol.keys import robot_key, world_key
 from protocol.one_of_a_name import check_free
+from protocol.tracebacks import line_of
 from protocol.zenoh_link import LinkError, ZenohLink
 from world.core import WorldCore
 from world.engine import Arena
@@ -87,6 +88,8 @@ def _recorder(out: Path | None, arena: Arena, run: str, resumed: Resumed | None)
 def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder | None) -> int:
     """Finish the recording, write the summary, and tell what came of the run; the exit status."""
     core = server.core
+    if core.broken is not None:
+        ended = f"{FAILED}{line_of(core.broken, out)}"
     result = replace(core.result(), ended=ended)
     extra: dict[str, Any] = {
         "rounds_s": server.rounds_s,

@@ -9,15 +9,14 @@ import inspect
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from importlib.metadata import entry_points
 from math import atan2, cos, hypot, pi, sin
 from typing import Annotated, Any, NamedTuple, TypeAlias, get_type_hints
 
 from pydantic import ConfigDict, Field, ValidationError, create_model
 
 from protocol.messages import Point
+from protocol.plugins import TARGET, TARGETS, BadAnswer, PluginFailed, installed, pair_of_m, shown
 
-GROUP = "encircle.targets"
 Distance = Annotated[float, Field(ge=0.0, le=1e5, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
 Waypoints = Annotated[Sequence[tuple[Coordinate, Coordinate]], Field(min_length=1)]
@@ -116,15 +115,31 @@ BUILT_IN: dict[str, Behaviour] = {
 
 @lru_cache(maxsize=64)
 def behaviour_named(name: str) -> Behaviour:
-    """The behaviour of that name; ``ValueError`` lists the known ones."""
+    """The behaviour of that name; ``ValueError`` lists the known ones.
+
+    ``PluginBroken`` if it is installed but cannot be loaded.
+    """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    found = {entry.name: entry for entry in entry_points(group=GROUP)}
+    found = installed(TARGETS)
     if name not in found:
         known = ", ".join(sorted({*BUILT_IN, *found}))
         raise ValueError(f"unknown behaviour; known are: {known}")
     behaviour: Behaviour = found[name].load()
     return behaviour
+
+
+def act(
+    name: str, memory: Any, view: TargetView, parameters: Mapping[str, Any]
+) -> tuple[Any, Point]:
+    """What the behaviour of that name remembers and wants; ``PluginFailed`` if it fails."""
+    try:
+        answer = behaviour_named(name)(memory, view, **parameters)
+        if not isinstance(answer, tuple) or len(answer) != 2:
+            raise BadAnswer(f"{shown(answer)}: must be what it remembers, and a step")
+        return answer[0], pair_of_m("step", answer[1])
+    except (Exception, SystemExit) as error:
+        raise PluginFailed(TARGETS, name, TARGET, view.tick, error) from error
 
 
 def check_parameters(behaviour: Behaviour, parameters: Mapping[str, Any]) -> None:

@@ -1,0 +1,56 @@
+"""What a strategy may answer: checked as it comes, for strategies are other people's code.
+
+A step that is not finite, or a value that has no place in a message, would come to light elsewhere
+and later, where nothing tells who is to blame.
+"""
+
+from typing import Any
+
+from agents.strategies import Choice
+from protocol.fields import COUNT_MAX, NUMBER_MAX, TEXT_MAX
+from protocol.messages import FAILED
+from protocol.plugins import BadAnswer, pair_of_m, shown
+from protocol.real_time import STOPPED
+
+
+def checked(choice: Any) -> Choice:
+    """The choice, its numbers as plain ones; ``BadAnswer`` if it is none."""
+    if not isinstance(choice, Choice):
+        raise BadAnswer(f"{shown(choice)}: must be a Choice (agents.strategies)")
+    mode, step, goal, xi, point, predictor = choice
+    _check_text("mode", mode)
+    if mode in (FAILED, STOPPED):
+        raise BadAnswer(f"mode = {mode!r}: is kept for commands that no strategy has chosen")
+    if predictor is not None:
+        _check_text("predictor", predictor)
+    step, goal = pair_of_m("step", step), pair_of_m("goal", goal)
+    return Choice(mode, step, goal, _prediction_step(xi), _point(point), predictor)
+
+
+def _check_text(name: str, value: Any) -> None:
+    if type(value) is not str or len(value) > TEXT_MAX:
+        raise BadAnswer(f"{name} = {shown(value)}: must be text of at most {TEXT_MAX} characters")
+
+
+def _prediction_step(xi: Any) -> float | None:
+    if xi is None:
+        return None
+    try:
+        number = float(xi)
+    except (TypeError, ValueError):
+        number = NUMBER_MAX
+    if isinstance(xi, str) or not -NUMBER_MAX < number < NUMBER_MAX:
+        raise BadAnswer(f"xi = {shown(xi)}: must be a prediction step, or None")
+    return number
+
+
+def _point(point: Any) -> int | None:
+    if point is None:
+        return None
+    try:
+        number = point.__index__()
+    except (AttributeError, TypeError):
+        number = -1
+    if isinstance(point, bool) or not 0 <= number <= COUNT_MAX:
+        raise BadAnswer(f"point = {shown(point)}: must be the number of a point from 0 on, or None")
+    return int(number)
