@@ -20,7 +20,7 @@ from protocol.access import Access, LinkError
 from protocol.clocks import Exchange
 from protocol.errors import ProtocolError
 from protocol.keys import parse_key, robot_key, world_key
-from protocol.zenoh_link import alive_keys, ask, has_neighbours, open_session, overheard
+from protocol.zenoh_link import alive_keys, ask, closing, has_neighbours, open_session, overheard
 
 ASKED_TIMES = 8
 ASKED_S_MAX = 1.0
@@ -55,7 +55,7 @@ def parties(
         )
         return [Finding("session", "wrong", str(error), advice)]
     deadline_s = time.monotonic() + asking_s_max
-    with session:
+    with closing(session):
         if not has_neighbours(session):
             return [Finding("session", "wrong", f"{where}: nobody is connected", "try once more")]
         found = [Finding("session", "ok", f"{where} lets a session in")]

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from protocol.access import Access, AccessError, Identity, LinkError, here
 from protocol.keys import robot_key, world_key
 from protocol.options import Options, identity, name_of, seconds
-from protocol.zenoh_link import has_neighbours, is_alive, open_session
+from protocol.zenoh_link import closing, has_neighbours, is_alive, open_session
 
 PARTIES = ("router", "world", "robot")
 CHECK_S_MAX = 3.0
@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
 
 def look(where: Access, found: argparse.Namespace) -> bool:
     """Whether the party that is asked for can be seen from a session there."""
-    with open_session(where) as session:
+    with closing(open_session(where)) as session:
         if found.what == "router":
             return has_neighbours(session)
         world = found.what == "world"

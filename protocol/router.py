@@ -22,7 +22,7 @@ from protocol.options import Options, access, name_of
 from protocol.refusals import refusals_told
 from protocol.security import ROUTER
 from protocol.zenoh_config import warning
-from protocol.zenoh_link import answer, open_session, subscribe_alive
+from protocol.zenoh_link import answer, closing, open_session, subscribe_alive
 
 END_S_MAX = 5.0
 STEP_S = 0.5
@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
         said = warning(where)
         with (
             refusals_told("router", found.count_refusals),
-            open_session(where) as session,
+            closing(open_session(where)) as session,
         ):
             of = "" if where.listen else "the endpoints of "
             print(f"router: {said or f'listening on {of}{where}'}", file=sys.stderr, flush=True)

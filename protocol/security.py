@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 from protocol.about import ROUTER_KEY
 from protocol.access import MESSAGE_BYTES_MAX, AccessError, Identity
 from protocol.keys import robot_key, world_key
+from protocol.lanes import GATE, ROOM
 
 AUTHORITY, WORLD, ROUTER, VIEWER = "authority", "world", "router", "viewer"
 TEAM_MAX = 256
@@ -133,6 +134,7 @@ def tls(identity: Identity, listens: bool, connects: bool) -> Settings:
 def gate(robots: Iterable[str] = TEAM, run: str = "*", direct_radio: bool = False) -> Settings:
     """Settings of the party that the others connect to: what each certificate may do there.
 
+    And that nobody is waited for who does not read (``protocol.lanes``).
     ``run``: a run's name, or any. ``direct_radio``: robots hear each other's poses themselves.
     """
     parts = {WORLD: world_part(run), VIEWER: viewer_part(run)}
@@ -140,7 +142,7 @@ def gate(robots: Iterable[str] = TEAM, run: str = "*", direct_radio: bool = Fals
     rules = {name: _rules(name, part) for name, part in parts.items()}
     # Gates may be connected to each other; each has judged what it passes on.
     rules[ROUTER] = [_rule(f"{ROUTER} passes on", ALL_MESSAGES, ("ingress", "egress"), ("**",))]
-    return {"access_control": _access_control(rules)}
+    return ROOM | GATE | {"access_control": _access_control(rules)}
 
 
 def robot_part(run: str, robot: str, direct_radio: bool = False) -> Part:

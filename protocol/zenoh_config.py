@@ -10,11 +10,9 @@ import re
 import zenoh
 
 from protocol.access import Access, AccessError, Identity, reachable_from_elsewhere
+from protocol.lanes import GATE, ROOM
 from protocol.security import settings
 
-BATCHES_MAX = 16
-"""What may wait to be sent to one party, in Zenoh's batches of 64 KiB, before it counts as too much
-(``Link.never_wait``); with Zenoh's own 2, a busy processor is enough for that."""
 CONNECT_RETRY_MS = 20
 CONNECT_RETRY_MS_MAX = 200
 ERROR_CHARACTERS_MAX = 300
@@ -55,7 +53,7 @@ def configuration(access: Access) -> zenoh.Config:
     _insert_if_open(config, "scouting/gossip/enabled", False)
     if access.config is None:
         _insert(config, "transport/shared_memory/enabled", False)
-        _insert(config, "transport/link/tx/queue/size/data", BATCHES_MAX)
+    _insert_lanes(config)
     exposed = _exposed(config)
     if exposed and not access.without_authentication:
         raise AccessError(
@@ -104,6 +102,15 @@ def _insert_identity(config: zenoh.Config, identity: Identity, direct_radio: boo
     for name, value in settings(identity, listening, connecting, direct_radio).items():
         # How patiently to connect is for a configuration file to say, if it does.
         (_insert_if_open if name == "connect/retry" else _insert)(config, name, value)
+
+
+def _insert_lanes(config: zenoh.Config) -> None:
+    """Room for messages, and who waits for it, where a configuration file says nothing else."""
+    listens = _listed(config, "listen/endpoints", json.loads(config.get_json("mode")))
+    default = zenoh.Config()
+    for name, value in (ROOM | GATE if listens else ROOM).items():
+        if config.get_json(name) == default.get_json(name):
+            _insert(config, name, value)
 
 
 def _exposed(config: zenoh.Config) -> tuple[str, ...]:

@@ -2,9 +2,9 @@
 
 Messages for this party come in through one bounded first-in-first-out channel, waited on by the
 thread that calls ``receive``; on this library a blocking wait costs two thirds of what waking an
-asyncio loop does (``docs/architecture.md`` has the figures). Publishers are declared once per key,
-express and blocking on congestion, so that nothing is dropped silently; a run by the clock asks for
-the opposite, since there one party that is cut off would hold up all others. Liveliness comes in
+asyncio loop does (``docs/architecture.md`` has the figures). Publishers are declared once per key
+and lane (``protocol.lanes``), express and blocking on congestion; a run by the clock asks for the
+opposite, since there one party that is cut off would hold up all others. Liveliness comes in
 through a callback on one of Zenoh's threads, which only hands it over.
 """
 
@@ -22,6 +22,7 @@ from protocol.about import About, read, replier
 from protocol.access import BY_HOST_AND_PORT, Access, LinkError, host_and_port
 from protocol.errors import LinkClosed, ProtocolError
 from protocol.keys import is_plain
+from protocol.lanes import SURE, lane
 from protocol.mailbox import now_us
 from protocol.zenoh_config import configuration, in_one_line
 
@@ -30,6 +31,7 @@ __all__ = [
     "ZenohLink",
     "alive_keys",
     "ask",
+    "closing",
     "has_neighbours",
     "is_alive",
     "open_session",
@@ -46,8 +48,8 @@ SETTLE_S = 0.2
 """How long after a token a connection may be seen to go, if one router took both with it."""
 PATIENCE_STEP_S = 0.1
 OVERHEARD_MAX = 1024
-ONCE = ("/setup", "/end")
-"""Messages that are not sent again, and so are never dropped."""
+CLOSE_S_MAX = 1.0
+"""How long to take leave of the others, in s: one that is frozen takes ten seconds each."""
 
 
 class ZenohLink:
@@ -69,9 +71,10 @@ class ZenohLink:
             # Before: what nobody receives would soon fill the inbox, and then hold up the others.
             check(self._session)
         except BaseException:
-            self._session.close()  # type: ignore[no-untyped-call]
+            _close(self._session)
             raise
-        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._publishers: dict[tuple[str, str], zenoh.Publisher] = {}
+        self._said: dict[str, bytes] = {}
         self._waits = True
         self._tokens: list[zenoh.LivelinessToken] = []
         self._watchers: list[Any] = []
@@ -91,19 +94,27 @@ class ZenohLink:
     def send(self, key: str, payload: bytes) -> None:
         """Publish; blocks while the transport is congested, or drops after ``never_wait``.
 
-        ``LinkClosed`` after ``close``.
+        A gate may drop it later on, but not what is sent twice in a row. ``LinkClosed`` after
+        ``close``.
         """
+        chosen = lane(key, self._waits and self._said.get(key) == payload)
+        self._said[key] = payload
         try:
-            publisher = self._publishers.get(key)
+            publisher = self._publishers.get((key, chosen))
             if publisher is None:
-                waits = self._waits or key.endswith(ONCE)
-                control = zenoh.CongestionControl
-                publisher = self._publishers[key] = self._session.declare_publisher(
-                    key, express=True, congestion_control=control.BLOCK if waits else control.DROP
-                )
+                publisher = self._publishers[key, chosen] = self._publisher(key, chosen)
             publisher.put(payload)
         except zenoh.ZError as error:
             raise LinkClosed(str(error)) from None
+
+    def _publisher(self, key: str, chosen: str) -> zenoh.Publisher:
+        control = zenoh.CongestionControl
+        return self._session.declare_publisher(
+            key,
+            express=True,
+            priority=getattr(zenoh.Priority, chosen.upper()),
+            congestion_control=control.BLOCK if self._waits or chosen == SURE else control.DROP,
+        )
 
     def receive(self) -> tuple[str, bytes]:
         """The next message; ``LinkClosed`` once ``close`` was called."""
@@ -186,10 +197,8 @@ class ZenohLink:
             self._closed.set()
             if not self._session.is_closed():
                 # Zenoh's own threads wait while the inbox is full, and closing waits for them.
-                emptying = threading.Thread(target=self._empty, name="emptying", daemon=True)
-                emptying.start()
-                self._session.close()  # type: ignore[no-untyped-call]
-                emptying.join()
+                threading.Thread(target=self._empty, name="emptying", daemon=True).start()
+                _close(self._session)
 
     def _empty(self) -> None:
         with contextlib.suppress(LinkClosed):
@@ -356,6 +365,27 @@ def open_session(access: Access) -> zenoh.Session:
         if unknown:
             reason = f"no address is known for the host of {', '.join(unknown)}"
         raise LinkError(f"cannot {doing} {where}: {reason}") from None
+
+
+@contextlib.contextmanager
+def closing(session: zenoh.Session) -> Iterator[zenoh.Session]:
+    """As ``contextlib.closing``; it takes ``CLOSE_S_MAX`` at most."""
+    try:
+        yield session
+    finally:
+        _close(session)
+
+
+def _close(session: zenoh.Session) -> None:
+    """Zenoh waits for each party in turn to read what it was sent, and fails if one does not."""
+
+    def close() -> None:
+        with contextlib.suppress(zenoh.ZError):
+            session.close()  # type: ignore[no-untyped-call]
+
+    thread = threading.Thread(target=close, name="closing", daemon=True)
+    thread.start()
+    thread.join(CLOSE_S_MAX)
 
 
 def _is_known(endpoint: str) -> bool:

@@ -118,6 +118,10 @@ class Party:
         return self._process.pid
 
     @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    @property
     def said(self) -> str:
         return self._err.read_text()
 
