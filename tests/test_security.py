@@ -251,7 +251,16 @@ def test_the_largest_team_and_its_rules_are_accepted_by_zenoh(lab):
             assert len(rules) == len(set(rules))
             assert rules == [rule for policy in found["policies"] for rule in policy["rules"]]
         else:
-            assert found == value
+            assert said(found) == value
+
+
+def said(found):
+    """A configuration without what it leaves open."""
+    if isinstance(found, list):
+        return [said(part) for part in found]
+    if isinstance(found, dict):
+        return {name: said(part) for name, part in found.items() if part is not None}
+    return found
 
 
 def test_rules_may_be_narrowed_to_one_run():
