@@ -142,12 +142,12 @@ def kept_or_assigned(
 ) -> int:
     """The point robot ``own`` goes to if it changes its mind only for a gain.
 
-    It keeps the point nearest to ``previous`` (of equally near ones the first) unless the best
-    assignment is shorter, in total, than the best of those in which it keeps it by more than
-    ``gain_m``. ``team`` and ``points``: (N, 2) in m; ``assigned``: (N,), the best assignment.
+    It keeps the point nearest to ``previous`` (of those equally near in whole microns the first)
+    unless the best assignment is shorter, in total, than the best of those in which it keeps it by
+    more than ``gain_m``. ``team`` and ``points``: (N, 2) in m; ``assigned``: (N,), the best one.
     """
     chosen = int(assigned[own])
-    kept = int(np.square(points - previous).sum(axis=1).argmin())
+    kept = int(whole_microns(cdist([previous], points)[0]).argmin())
     if kept == chosen:
         return chosen
     costs = whole_microns(cdist(team, points))

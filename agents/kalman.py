@@ -2,10 +2,10 @@
 
 Constant-velocity model with white acceleration noise, position measured, noise isotropic. The two
 axes are then the same filter run twice: one 2 x 2 covariance serves both, and several detections of
-one tick are exactly one detection at their mean with the variance divided by their number. Steps
-are filterpy's ``predict`` and ``update``. The covariance and gain depend on the numbers of
-detections only, not on what was detected, so a step of the covariance is remembered (rounded to
-1e-12, so that the recursion comes to rest) and a step of the mean is a handful of multiplications.
+one tick are exactly one detection at their mean with the variance divided by their number. The
+covariance and gain depend on the numbers of detections only, not on what was detected. They are
+filterpy's, from ``predict`` and ``update``, and remembered (rounded to 1e-12, so that the recursion
+comes to rest); a step of the mean is our own, a handful of multiplications.
 
 Raw detections travel, with origin and tick, never estimates. A detection that arrives late is put
 at its tick and the filter is run again from there over its short window, so the result is the same

@@ -2,7 +2,8 @@
 
 The printed matrix turns counter-clockwise where the text says clockwise; the set of points is the
 same. The first point lies on the line from the target's current position to the robot farthest
-from it; of robots equally far, to the first in robot order.
+from it; of robots equally far, to the first in robot order. Distances count in whole microns there
+(``QUANTA_PER_M``), as in ``agents.assignment``, since rounding noise must not decide.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.messages import Point
+from protocol.messages import QUANTA_PER_M, Point
 
 
 @lru_cache(maxsize=256)
@@ -32,15 +33,14 @@ def encirclement_points(
     ``team``: N robot positions in m; ``target``: the target's current position in m.
     """
     tx, ty = target
-    farthest, ray = -1.0, (1.0, 0.0)
+    farthest, ray, length_m = 0, (1.0, 0.0), 1.0
     for x, y in team:
         dx, dy = x - tx, y - ty
-        square = dx * dx + dy * dy
-        if square > farthest:
-            farthest, ray = square, (dx, dy)
-    scale = ring_radius_m / sqrt(farthest) if farthest > 0.0 else ring_radius_m
-    direction = complex(*ray) if farthest > 0.0 else 1.0
-    offsets = _rotations(len(team)) * (scale * direction)
+        distance_m = sqrt(dx * dx + dy * dy)
+        microns = round(distance_m * QUANTA_PER_M)
+        if microns > farthest:
+            farthest, ray, length_m = microns, (dx, dy), distance_m
+    offsets = _rotations(len(team)) * (ring_radius_m / length_m * complex(*ray))
     centres = np.ascontiguousarray(predictions).view(np.complex128)
     points = (centres + offsets).view(np.float64)
     return points.reshape(len(predictions), len(team), 2)

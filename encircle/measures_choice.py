@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from agents.assignment import whole_microns
 from encircle.measuring import mean_or_nan, once, pairs
 from encircle.runlog import Floats, RunLog
 
@@ -135,10 +136,13 @@ def _completed(costs: Floats, claims: NDArray[np.intp]) -> NDArray[np.intp]:
 
 @once
 def true_rings(log: RunLog) -> Floats:
-    """(T, N, 2) the ring of Eq. 1 about the target at xi = 0, all from the truth."""
+    """(T, N, 2) the ring of Eq. 1 about the target at xi = 0, all from the truth.
+
+    Robots are equally far as in ``agents.ring``, in whole microns.
+    """
     centres = log.target[: log.ticks]
     rays = log.robots[: log.ticks] - centres[:, None]
-    farthest = (rays * rays).sum(axis=2).argmax(axis=1)[:, None]
+    farthest = whole_microns(np.sqrt((rays * rays).sum(axis=2))).argmax(axis=1)[:, None]
     ray = np.take_along_axis(rays, farthest[..., None], axis=1)[:, 0]
     bearing = np.arctan2(ray[:, 1], ray[:, 0])[:, None]
     bearings = bearing + 2.0 * np.pi * np.arange(log.count) / log.count

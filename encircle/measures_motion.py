@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from encircle.measuring import mean_or_nan, once, pairs
 from encircle.runlog import NAN, Floats, RunLog
+from world.capture import encloses
 
 
 def captured(log: RunLog) -> float:
@@ -36,14 +37,19 @@ def _hunting(log: RunLog) -> NDArray[np.bool_]:
     return np.concatenate([log.there, log.there[-1:]])
 
 
+def _hunting_rays(log: RunLog) -> Floats:
+    """(T + 1, N, 2) from the target to the robots; a lost one stands where another one does."""
+    rays = log.robots - log.target[:, None]
+    # That makes no gap smaller.
+    another = np.take_along_axis(rays, _hunting(log).argmax(axis=1)[:, None, None], axis=1)
+    return np.asarray(np.where(_hunting(log)[..., None], rays, another))
+
+
 @once
 def gaps_rad(log: RunLog) -> Floats:
     """(T + 1,) largest angle about the target between neighbouring robots; 2 pi for one or none."""
-    rays = log.robots - log.target[:, None]
-    bearings = np.arctan2(rays[..., 1], rays[..., 0])
-    # A robot that is lost is put where another one stands, and makes no gap smaller.
-    another = np.take_along_axis(bearings, _hunting(log).argmax(axis=1)[:, None], axis=1)
-    bearings = np.sort(np.where(_hunting(log), bearings, another), axis=1)
+    rays = _hunting_rays(log)
+    bearings = np.sort(np.arctan2(rays[..., 1], rays[..., 0]), axis=1)
     after = np.concatenate([bearings[:, 1:], bearings[:, :1] + 2.0 * np.pi], axis=1)
     gaps: Floats = (after - bearings).max(axis=1)
     return gaps
@@ -52,7 +58,7 @@ def gaps_rad(log: RunLog) -> Floats:
 @once
 def enclosed(log: RunLog) -> NDArray[np.bool_]:
     """(T + 1,) whether the target is enclosed."""
-    return np.asarray(gaps_rad(log) < np.pi)
+    return encloses(_hunting_rays(log))
 
 
 @once

@@ -214,6 +214,8 @@ def test_of_two_points_equally_near_to_the_old_one_the_first_is_kept():
     team, points = [(0.0, 3.0), (0.0, -3.0)], [(0.0, -4.0), (0.0, 4.0)]
     assert decided(team, points, 0, (9.0, 0.0), 100.0) == (1, 0)
     assert decided(team, points[::-1], 0, (9.0, 0.0), 100.0) == (0, 0)
+    # As near in whole microns: rounding noise does not decide.
+    assert decided(team, points, 0, (9.0, 1e-9), 100.0) == (1, 0)
 
 
 def test_one_robot_alone_has_one_point():

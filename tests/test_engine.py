@@ -1,13 +1,11 @@
 """The arena's step: limits, solid bodies, capture, events, noise, placement, purity."""
 
 from itertools import pairwise
-from math import cos, dist, hypot, pi, sin
+from math import dist, pi
 
 import numpy as np
 import pytest
 from helpers_world import SQUARE, arena, overlapping, packets, walked
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 from world import engine
 from world.channel import CAUSES
@@ -46,34 +44,6 @@ def test_a_unicycle_turns_no_faster_than_it_can():
         step = after.positions[:4] - before.positions[:4]
         forward = (step * np.stack([np.cos(after.headings), np.sin(after.headings)], 1)[:4]).sum(1)
         assert (forward >= -QUANTUM_M).all()
-
-
-def enclosed(rays):
-    """No half-plane holds them all: each has another less than half a turn on from it."""
-    return all(any(ax * by - ay * bx > 0.0 for bx, by in rays) for ax, ay in rays)
-
-
-@settings(deadline=None, derandomize=True, max_examples=400)
-@given(
-    polar=st.lists(st.tuples(st.floats(-pi, pi), st.floats(1.0, 1.7)), min_size=1, max_size=7),
-    count=st.integers(2, 5),
-)
-def test_captured_means_enough_robots_close_that_no_half_plane_holds(polar, count):
-    rays = [(d * cos(b), d * sin(b)) for b, d in polar]
-    close = [ray for ray in rays if hypot(*ray) <= 1.3]
-    crosses = [a[0] * b[1] - a[1] * b[0] for a in close for b in close if a is not b]
-    assume(all(abs(cross) > 1e-9 for cross in crosses))
-    assume(all(abs(hypot(*ray) - 1.3) > 1e-9 for ray in rays))
-    captured = engine.is_captured(np.array(rays), 1.3, count)
-    assert captured == (len(close) >= count and enclosed(close))
-
-
-def test_a_robot_exactly_at_the_stop_distance_counts_and_opposite_ones_do_not_enclose():
-    ring = np.array([[1.25, 0.0], [0.0, 1.25], [-1.25, 0.0], [0.0, -1.25]])
-    assert engine.is_captured(ring, 1.25, 4)
-    assert not engine.is_captured(ring * 1.0000001, 1.25, 4)
-    assert not engine.is_captured(ring[[0, 2]], 1.25, 2)
-    assert not engine.is_captured(ring[[0, 1, 2]], 1.25, 3)
 
 
 def moved_to(wanted, tick=3, **changes):

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
+from agents import kalman
 from agents.kalman import NO_TRACK, covariance_step, fold, next_estimate, up_to
 from protocol.parameters import Parameters
 
@@ -92,6 +93,30 @@ def hunts(draw, last_tick, late_max):
 def test_detections_in_order_give_what_filterpys_filter_gives(hunt):
     detections, arrivals = hunt
     assert_same(folded(arrivals, 25).estimate, reference(detections, 25))
+
+
+def test_filterpy_computes_covariance_and_gain_and_never_sees_what_was_detected(monkeypatch):
+    """As docs/paper.md says."""
+    seen = []
+
+    def watched(step):
+        def called(mean, covariance, *rest):
+            seen.append((step.__name__, np.copy(mean), [np.copy(part) for part in rest]))
+            return step(mean, covariance, *rest)
+
+        return called
+
+    monkeypatch.setattr(kalman, "predict", watched(kalman.predict))
+    monkeypatch.setattr(kalman, "update", watched(kalman.update))
+    covariance_step.cache_clear()
+    track = NO_TRACK
+    for tick in range(4):
+        track = fold(track, [(tick, 0, 7.0, -5.0), (tick, 1, 9.0, -5.0)], tick, TICK_S, P)
+    assert (track.estimate.x, track.estimate.y) == pytest.approx((8.0, -5.0))
+    assert [name for name, *_ in seen] == ["predict", "update"] * 3
+    assert all((mean == 0.0).all() for _, mean, _ in seen)
+    assert all(rest[0] == 1.0 for name, _, rest in seen if name == "update")
+    covariance_step.cache_clear()
 
 
 @CHEAP

@@ -168,6 +168,10 @@ def test_the_true_ring_is_that_of_the_robots_code(robots):
     rng = np.random.default_rng(robots)
     positions = rng.uniform(-9.0, 9.0, (21, robots + 1, 2))
     wide = scenario(robots, robot={"ring_radius_m": 2.5})
+    if robots > 1:
+        # Two that are equally far, on opposite sides, but for rounding noise.
+        first, target = positions[:10, 0], positions[:10, robots]
+        positions[:10, robots - 1] = target + (1.0 + 1e-12) * (target - first)
     rings = choice.true_rings(standing(20, robots, positions=positions, scenario=wide))
     for ring, row in zip(rings, positions[:-1].tolist(), strict=True):
         *team, target = map(tuple, row)

@@ -55,6 +55,14 @@ def test_the_target_is_enclosed_if_it_lies_inside_the_robots_hull():
     assert motion.enclosed_share(log) == pytest.approx(inside.mean())
 
 
+def test_robots_on_opposite_sides_of_the_target_do_not_enclose_it_whatever_their_bearing():
+    rng = np.random.default_rng(4)
+    ray, other = rng.integers(-(2**22), 2**22, (2, 500, 2)) / 2**20
+    log = standing(499, 3, positions=placed(*np.stack([ray, -2.0 * ray, other], axis=1)))
+    np.testing.assert_allclose(np.maximum(motion.gaps_rad(log), pi), motion.gaps_rad(log))
+    assert not motion.enclosed(log).any()
+
+
 def test_the_gap_at_the_end_is_that_of_the_last_tick_and_the_mean_is_over_all():
     half = ((4.0, 0.0), (0.0, 4.0), (-4.0, 0.0), (-4.0, 1.0))
     log = standing(3, positions=placed(SQUARE, SQUARE, SQUARE, half))

@@ -47,6 +47,18 @@ def test_of_equal_steps_the_smallest_is_taken():
     assert best_step(np.vstack([uneven[:2], even[:2]]), GRID[:4], 0.05) == 2
 
 
+@pytest.mark.parametrize("noise_m", [-1e-13, 1e-13])
+@pytest.mark.parametrize("noisy", range(7))
+def test_steps_whose_variances_differ_by_rounding_noise_are_equal(noisy, noise_m):
+    for row in ([1.0, 2.0, 3.0, 5.0], [3.0, 3.0, 3.0, 3.0], [30.0, 1.0, 2.0, 25.0]):
+        distances = np.tile(row, (7, 1))
+        distances[noisy, 1] += noise_m
+        assert best_step(distances, GRID, 0.0) == 0
+        # The same distances of robots in another order.
+        distances[noisy] = np.roll(distances[noisy], 1 + noisy % 3)
+        assert best_step(distances, GRID, 0.0) == 0
+
+
 def test_a_smaller_variance_six_steps_ahead_counts_only_if_it_outweighs_the_uncertainty():
     # Variances 1 and 0.64: exp(0.05 * 6) is 1.35 and exp(0.1 * 6) is 1.82.
     near, far = [1.0, 3.0], [1.2, 2.8]

@@ -17,10 +17,14 @@ RHO = 4.0
 
 
 def printed(team, target, centre, rho, turning=1.0):
-    """Eq. 1 as printed, with a 2 x 2 matrix; ``turning = -1`` turns clockwise, as the text says."""
+    """Eq. 1 as printed, with a 2 x 2 matrix; ``turning = -1`` turns clockwise, as the text says.
+
+    Of robots equally far in whole microns the first counts as the farthest.
+    """
     distances = [hypot(x - target[0], y - target[1]) for x, y in team]
-    far = team[distances.index(max(distances))]
-    ray = (np.array(far) - target) / max(distances)
+    microns = [round(distance * 2**20) for distance in distances]
+    first = microns.index(max(microns))
+    ray = (np.array(team[first]) - target) / distances[first]
     points = []
     for q in range(1, len(team) + 1):
         angle = turning * (q - 1) * 2 * pi / len(team)
@@ -75,6 +79,32 @@ def test_of_robots_equally_far_the_first_in_robot_order_gives_the_direction(orde
     team = [equally_far[k] for k in order]
     first = encirclement_points(team, (0.0, 0.0), np.zeros((1, 2)), 5.0)[0, 0]
     assert first == pytest.approx(team[0])
+
+
+@pytest.mark.parametrize("noise_m", [-4e-16, -1e-9, 0.0, 1e-9, 4e-16])
+@pytest.mark.parametrize("noisy", [0, 1, 2])
+def test_robots_are_equally_far_in_whole_microns_so_that_rounding_noise_does_not_decide(
+    noisy, noise_m
+):
+    target, team = (1.0, 2.0), [(4.0, 6.0), (-4.0, 2.0), (1.0, -3.0)]
+    x, y = team[noisy]
+    grown = 1.0 + noise_m / 5.0
+    team[noisy] = (target[0] + grown * (x - target[0]), target[1] + grown * (y - target[1]))
+    first = encirclement_points(team, target, np.zeros((1, 2)), 5.0)[0, 0]
+    np.testing.assert_allclose(first, (3.0, 4.0), atol=1e-8)
+
+
+def test_a_micron_farther_is_farther_and_the_ring_has_its_radius():
+    team = [(3.0, 4.0), (-5.0 - 2.0**-20, 0.0), (-5.0 - 1.4 * 2.0**-20, 0.0)]
+    points = encirclement_points(team, (0.0, 0.0), np.zeros((1, 2)), 5.0)[0]
+    np.testing.assert_allclose(points[0], (-5.0, 0.0), atol=1e-12)
+    np.testing.assert_allclose(np.hypot(*points.T), 5.0, atol=1e-12)
+
+
+def test_robots_less_than_half_a_micron_from_the_target_give_no_direction():
+    for team in ([(1e-9, -2e-9), (0.0, 0.0)], [(0.0, 0.0), (-1e-9, 0.0)]):
+        points = encirclement_points(team, (0.0, 0.0), np.zeros((1, 2)), 5.0)[0]
+        np.testing.assert_allclose(points, [(5.0, 0.0), (-5.0, 0.0)], atol=1e-9)
 
 
 @CHEAP

@@ -87,6 +87,15 @@ def test_the_gap_it_heads_for_is_the_widest_and_it_heads_for_its_middle(robots):
     assert own == pytest.approx(best, abs=2e-3)
 
 
+@pytest.mark.parametrize("robots", [2, 3, 4, 6])
+def test_of_gaps_equally_wide_it_takes_the_first_by_bearing_whatever_rounding_says(robots):
+    width = 2 * pi / robots
+    for first in np.random.default_rng(robots).uniform(-pi, -pi + width, 200):
+        ring = [(first + k * width, 3.0) for k in range(robots)]
+        _, bearing = ended_at(gap, robots=around(ring))
+        assert bearing == pytest.approx(first + width / 2)
+
+
 @pytest.mark.parametrize("behaviour", [flee, gap])
 def test_it_stands_before_it_has_seen_a_robot_and_runs_on_after_losing_sight(behaviour):
     memory, step = behaviour(None, view())

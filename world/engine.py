@@ -9,7 +9,6 @@ nothing; it stays in the way, and is seen as what it looks like.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
-from math import atan2, pi
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from scipy.special import ndtri
 from protocol.messages import Observation, Point, State
 from world import channel as radio
 from world import collisions, dynamics, placement, sensing
+from world.capture import is_captured
 from world.draws import Purpose, uniforms
 from world.dynamics import quantised
 from world.scenario import MoveTarget, Scenario, Silence
@@ -199,19 +199,6 @@ def _turned(
         turned[lost], rolled[lost] = headings[:count][lost], wanted[:count][lost]
     wanted[:count] = rolled
     return np.append(turned, dynamics.holonomic_headings(headings[count:], wanted[count:]))
-
-
-def is_captured(rays: Floats, stop_distance_m: float, count: int) -> bool:
-    """Whether the target is captured: enough robots close, and no gap of pi or more between them.
-
-    ``rays``: (N, 2) from the target to each robot, in m.
-    """
-    close = rays[(rays * rays).sum(axis=1) <= stop_distance_m**2]
-    if len(close) < max(1, count):
-        return False
-    bearings = sorted(atan2(y, x) for x, y in close.tolist())
-    gaps = [b - a for a, b in zip(bearings, [*bearings[1:], bearings[0] + 2 * pi], strict=True)]
-    return max(gaps) < pi
 
 
 def truth(arena: Arena, state: ArenaState) -> State:

@@ -7,7 +7,7 @@ a line each: the commands on standard error, the Python API as a ``ScenarioRemar
 
 from typing import TYPE_CHECKING
 
-from world.capture_bounds import ROBOTS_MIN, most_within
+from world.capture import ROBOTS_MIN, most_within
 from world.delay_means import delivered_s_mean, mean_s
 from world.radio_model import Crash, delay_parts
 

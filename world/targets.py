@@ -17,6 +17,8 @@ from pydantic import ConfigDict, Field, ValidationError, create_model
 from protocol.messages import Point
 from protocol.plugins import TARGET, TARGETS, BadAnswer, PluginFailed, installed, pair_of_m, shown
 
+EQUAL_RAD = 1e-9
+"""Gaps are as wide if they are so in whole multiples of this."""
 Distance = Annotated[float, Field(ge=0.0, le=1e5, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
 Waypoints = Annotated[Sequence[tuple[Coordinate, Coordinate]], Field(min_length=1)]
@@ -66,7 +68,8 @@ def flee(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> 
 def gap(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> tuple[Any, Point]:
     """Through the middle of the widest angular gap between the robots it detects.
 
-    With none in sight it goes on as it was going; before it has ever seen one it stands still.
+    Of gaps that differ by rounding noise alone it takes the first by bearing, from -pi on. With no
+    robot in sight it goes on as it was going; before it has ever seen one it stands still.
     """
     x, y = view.position
     if view.robots:
@@ -75,7 +78,7 @@ def gap(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> t
             (after - before, before)
             for before, after in zip(bearings, [*bearings[1:], bearings[0] + 2 * pi], strict=True)
         ]
-        width, before = max(widths, key=lambda item: item[0])
+        width, before = max(widths, key=lambda item: round(item[0] / EQUAL_RAD))
         memory = before + width / 2
     if memory is None:
         return None, (0.0, 0.0)

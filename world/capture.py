@@ -1,4 +1,4 @@
-"""Who can capture at all: what the rule of ``world.engine.is_captured`` asks of any team.
+"""When the target is captured, and who can capture at all.
 
 No gap between the bearings of those within the stop distance may be pi or more. The gaps around
 the target sum to 2 pi, so one robot has a gap of 2 pi and the larger gap of two is pi at least: it
@@ -10,8 +10,32 @@ are a least angle apart, and discs of one size in a larger disc obey Oler's ineq
 
 from math import acos, floor, pi, sqrt
 
+import numpy as np
+from numpy.typing import NDArray
+
 ROBOTS_MIN = 3
 _ROUNDING = 1e-9
+
+
+def is_captured(rays: NDArray[np.float64], stop_distance_m: float, count: int) -> bool:
+    """Whether the target is captured: enough robots close, and no gap of pi or more between them.
+
+    ``rays``: (N, 2) from the target to each robot, in m.
+    """
+    close = rays[(rays * rays).sum(axis=1) <= stop_distance_m**2]
+    return len(close) >= max(ROBOTS_MIN, count) and bool(encloses(close))
+
+
+def encloses(rays: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether no gap between the bearings of N >= 1 rays, (..., N, 2), is pi or more; (...,).
+
+    It is so if every ray has another one counter-clockwise of it by less than pi, which the sign of
+    their cross product tells. Angles would not do: rounding decides whether robots on opposite
+    sides of the target are pi apart, while equal products are equal in doubles, too.
+    """
+    x, y = rays[..., 0], rays[..., 1]
+    left = x[..., :, None] * y[..., None, :] > y[..., :, None] * x[..., None, :]
+    return np.asarray(left.any(axis=-1).all(axis=-1))
 
 
 def most_within(stop_distance_m: float, radius_m: float, target_radius_m: float) -> int:
