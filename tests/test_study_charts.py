@@ -26,7 +26,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from encircle.studies import chart_frames, charts, views
+from encircle.studies import chart_frames, chart_survival, charts, views
 from encircle.studies.chart_lines import RATE, draw_against
 from encircle.studies.chart_maps import _name_levels, draw_maps
 from encircle.studies.charts import charts_of, drawn_along, write_charts
@@ -153,7 +153,7 @@ def test_every_axis_has_a_label_with_its_unit_and_every_line_an_entry(cases):
     (axes,) = figures["rate-by-loss"].figure.axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("packet loss (%)", "capture rate (%)")
     (axes,) = figures["time-by-loss"].figure.axes
-    assert axes.get_ylabel() == "restricted mean time (s)"
+    assert axes.get_ylabel() == "mean time to capture,\nup to the limit (s)"
     assert legend_texts(figures["rate-by-loss"].figure) == STRATEGIES
     survival = figures["survival"].figure
     assert legend_texts(survival) == [*STRATEGIES, "not captured"]
@@ -169,7 +169,7 @@ def test_every_axis_has_a_label_with_its_unit_and_every_line_an_entry(cases):
     assert {a.get_xlabel() for a in maps} == {
         "packet loss (%)",
         "capture rate (%)",
-        "restricted mean time (s)",
+        "mean time to capture,\nup to the limit (s)",
     }
     assert maps[0].get_ylabel() == "mean delay (ms)"
 
@@ -221,6 +221,55 @@ def test_a_map_has_each_cell_in_its_place_with_its_number(cases):
     assert [t.get_text() for t in rates.get_yticklabels()] == [
         f"{1000 * d:g}" for d in FEW["values"]
     ]
+
+
+def test_maps_whose_cells_are_all_equal_are_left_out(tmp_path):
+    axes = [SHORT | {"values": [0.0, 0.2, 0.4]}, FEW]
+
+    def figures(name, truth):
+        plan = study_plan(axes=axes, seeds=3)
+        with closing(filled(plan, tmp_path / name, truth)) as table:
+            return list(draw_maps(summarise(plan, table)))
+
+    assert figures("never", never) == []
+    (drawn,) = figures("always", lambda levels: Truth(0.4 + levels["loss"]))
+    shown = [axes for axes in drawn.figure.axes if axes.get_xlabel() == "packet loss (%)"]
+    assert len(shown) == 1
+    assert "The capture rate is 100 % in all of these cells." in drawn.caption
+    assert "capture rate" not in drawn.alt
+
+
+def test_curves_end_with_the_last_run_under_observation(tmp_path):
+    ends = {"name": "end", "key": "ticks_max", "values": [100, 300]}
+    plan = study_plan(axes=[ends, SHORT], seeds=8)
+    with closing(filled(plan, tmp_path / "t")) as table:
+        rows, summary = table.read().to_pandas(), summarise(plan, table)
+    panels = chart_survival.draw_survival(summary).figure.axes
+    last_s = 0.1 * rows.groupby("cell")["ticks"].max()
+    assert set(0.1 * rows[rows["captured"] == 0]["ticks"]) == {10.0, 30.0}
+    curves = [line for axes in panels for line in axes.lines[::2]]
+    drawn_s = sorted(max(line.get_xdata()) for line in curves)
+    assert drawn_s == pytest.approx(sorted(last_s))
+    bands_s = [band.get_datalim(axes.transData).x1 for axes in panels for band in axes.collections]
+    assert sorted(bands_s) == pytest.approx(drawn_s)
+
+
+def test_time_is_cut_soon_after_the_last_capture_if_that_is_early(tmp_path):
+    def truth(levels):
+        return never(levels) if levels["loss"] else Truth(0.6)
+
+    plan = study_plan(axes=[SHORT], seeds=8)
+    with closing(filled(plan, tmp_path / "t", truth)) as table:
+        rows, summary = table.read().to_pandas(), summarise(plan, table)
+    drawn = chart_survival.draw_survival(summary)
+    (axes,) = drawn.figure.axes
+    last_s = 0.1 * rows[rows["captured"] == 1]["ticks"].max()
+    assert last_s < axes.get_xlim()[1] < 1.5 * last_s
+    caught, _no_stroke, free, stroke = axes.lines
+    assert max(caught.get_xdata()) == pytest.approx(last_s)
+    assert max(free.get_xdata()) == stroke.get_xdata()[0] < axes.get_xlim()[1]
+    assert f"Nothing changes after {stroke.get_xdata()[0]:.3g} s" in drawn.caption
+    assert "at the limit, 30 s" in drawn.caption
 
 
 def test_numbers_of_a_map_can_be_read_on_their_cells(cases):

@@ -25,7 +25,7 @@ from scipy import stats
 from encircle.studies import report
 from encircle.studies.charts import Chart
 from encircle.studies.report import write_report
-from encircle.studies.sentences import findings
+from encircle.studies.sentences import findings, settings_text, verdict
 from encircle.studies.summary import summarise
 from encircle.studies.words import seeds_text, set_up
 
@@ -102,7 +102,11 @@ def test_findings_question_and_command_stand_on_the_page(lines):
     _directory, page, summary, _rows = lines
     assert page.words["h1"] == page.words["title"] == ["On loss"]
     assert "How much loss?" in page.words["p"]
-    assert set(findings(summary)) <= set(page.words["li"])
+    first, along, overall = findings(summary)
+    assert {first, along} <= set(page.words["li"])
+    assert page.words["h3"] == ["xi-0 against xi-star"]
+    assert overall.endswith(settings_text(summary.plan, summary.comparisons))
+    assert settings_text(summary.plan, summary.comparisons) in page.words["p"]
     assert COMMAND in page.words["pre"]
     told = "5 comparisons and 1 averaged over settings, each of capture rate, order and mean time,"
     assert any(f"{told} are 18 tests: their p are corrected" in text for text in page.words["p"])
@@ -113,11 +117,57 @@ def test_findings_question_and_command_stand_on_the_page(lines):
     assert ["Versions", shown] in page.table("What was run")
 
 
-def test_many_findings_are_folded_but_all_there(tmp_path, quick, monkeypatch):
-    monkeypatch.setattr(report, "findings", lambda _summary: [f"finding {k}." for k in range(30)])
-    page, _summary, _rows = written(tmp_path / "t", seeds=2)
-    assert {f"finding {k}." for k in range(30)} <= set(page.words["li"])
-    assert "14 more findings" in page.words["summary"]
+def test_each_comparison_is_a_heading_with_a_row_for_each_setting(lines):
+    _directory, page, summary, rows = lines
+    head, average, *body = page.table("xi-0 against xi-star")
+    assert (head[0], head[-1]) == ("packet loss (%)", "What is decided")
+    assert average[0] == "all 5, averaged"
+    pairs = rows.pivot(index="seed", columns=["loss", "strategy"], values=["captured", "ticks"])
+    for line, loss, one in zip(body, LOSS["values"], summary.comparisons, strict=True):
+        captured, ticks = pairs["captured"][loss], pairs["ticks"][loss]
+        points = 100 * (captured["xi-0"] - captured["xi-star"]).mean()
+        seconds = 0.1 * (ticks["xi-0"] - ticks["xi-star"]).mean()
+        assert line[0] == f"{100 * loss:g}"
+        assert line[1].split()[0] == f"{points:+z.0f}"
+        assert line[5].split()[0] == f"{seconds:+z.1f}"
+        assert line[-1] == verdict(one)
+
+
+def test_without_settings_each_level_is_a_row(tmp_path, quick):
+    page, summary, _rows = written(tmp_path / "t", axes=[ARMS], compare="radio", seeds=3)
+    names = [arm["name"] for arm in ARMS["arms"]]
+    assert page.words["h3"] == [f"radio against {names[0]}"]
+    _head, *body = page.table("radio against")
+    assert [line[0] for line in body] == names[1:]
+    assert len(findings(summary)) == 1 + len(body)
+
+
+def test_many_findings_are_folded_but_all_there(tmp_path, quick):
+    many = {"name": "arm", "arms": [{"name": f"a{k}", "set": {}} for k in range(12)]}
+    tree = {"axes": [many, LOSS], "compare": "arm", "seeds": 2}
+    page, summary, _rows = written(tmp_path / "t", **tree)
+    assert page.words["h3"] == [f"a{k} against a0" for k in range(1, 12)]
+    assert "3 more comparisons" in page.words["summary"]
+    # The range, what is tolerated along the one axis, and the comparisons.
+    assert len(findings(summary)) == 1 + 1 + 11
+    long = {**LOSS, "values": [0.01 * k for k in range(17)]}
+    tree = {"axes": [long], "strategies": STRATEGIES, "seeds": 2}
+    page, summary, _rows = written(tmp_path / "l", **tree)
+    assert "xi-0 against xi-star: 18 rows" in page.words["summary"]
+    assert len(page.table("xi-0 against xi-star")) == 1 + 18
+
+
+def test_there_is_no_effect_size_where_all_runs_of_an_arm_are_censored(tmp_path, quick):
+    def truth(levels):
+        return never(levels) if levels["strategy"] == "xi-0" else Truth(6.0)
+
+    page, summary, _rows = written(tmp_path / "t", truth, strategies=STRATEGIES, seeds=12)
+    (one,) = summary.comparisons
+    assert one.time_s.mean.value > 0.0
+    assert np.isnan(one.time_s.effect.value)
+    assert not any("d_z" in sentence for sentence in findings(summary))
+    head, line = page.table("Comparisons")
+    assert line[head.index("d_z")] == "\N{EN DASH}"
 
 
 def test_cells_have_the_tables_numbers(lines):

@@ -8,7 +8,7 @@ from scipy import stats
 
 from encircle.studies.comparisons_csv import write_comparisons
 from encircle.studies.plan import STRATEGY
-from encircle.studies.sentences import findings, where_text
+from encircle.studies.sentences import findings, verdict, where_text
 from encircle.studies.summary import CLAIMS, baseline_of, rows_along, summarise
 
 TWO = {"axes": [LOSS], "strategies": ["xi-star", "xi-0"], "seeds": 60}
@@ -158,31 +158,52 @@ def test_summary_csv_has_every_number_of_every_cell(tmp_path, two):
 
 def test_sentences_quote_the_intervals(two):
     _, _, summary = two
-    said = findings(summary)
-    assert len(said) == 2 + len(summary.tolerated) + len(summary.comparisons)
+    best_and_worst, along, over = findings(summary)
     best = max(summary.cells, key=lambda cell: cell.rate.value)
-    assert f"{100 * best.rate.value:.0f} %" in said[0]
-    level = summary.tolerated[0].level
-    quoted = (
-        f"packet loss {100 * level.value:.3g} % [{100 * level.low:.3g}, {100 * level.high:.3g}]"
-    )
-    assert quoted in said[1]
-    first = summary.comparisons[0].time_s.mean
-    assert f"{first.value:+.3g} [{first.low:+.3g}, {first.high:+.3g}] s" in said[4]
+    assert f"{100 * best.rate.value:.0f} %" in best_and_worst
+    for one in summary.tolerated:
+        low = "below 0" if np.isinf(one.level.low) else f"{100 * one.level.low:.3g}"
+        quoted = f"up to {100 * one.level.value:.3g} % [{low}, {100 * one.level.high:.3g}]"
+        assert f"at strategy {one.others['strategy']} {quoted}" in along
+    time_s = summary.overall[0].time_s.mean
+    assert f"{time_s.value:+.3g} [{time_s.low:+.3g}, {time_s.high:+.3g}] s" in over
+
+
+def decided_by(test):
+    """Whether interval and corrected p decide, and whether the p alone would."""
+    apart = test.mean.low > 0 or test.mean.high < 0
+    return apart and test.p_corrected <= 0.05, apart and test.p <= 0.05
 
 
 def test_a_sentence_says_what_interval_and_corrected_p_say_both(two):
     _, _, summary = two
-    told = [*summary.overall, *summary.comparisons]
-    for sentence, one in zip(findings(summary)[3:], told, strict=True):
-        parts = sentence.split(": ", 1)[1].split("; ")
-        for part, name in zip(parts, CLAIMS, strict=True):
-            test = getattr(one, name)
-            apart = test.mean.low > 0 or test.mean.high < 0
-            decided = apart and test.p_corrected <= 0.05
-            assert ("undecided" not in part) == decided
-            assert ("after correction" in part) == (apart and test.p <= 0.05 and not decided)
-            assert part.count(", p ") == part.count(", corrected ") == 1
+    (over,) = summary.overall
+    sentence = findings(summary)[2].partition(" Of the ")[0]
+    parts = sentence.split(": ", 1)[1].split("; ")
+    for part, name in zip(parts, CLAIMS, strict=True):
+        decided, alone = decided_by(getattr(over, name))
+        assert ("undecided" not in part) == decided
+        assert ("after correction" in part) == (alone and not decided)
+        assert part.count(", p ") == part.count(", corrected ") == 1
+
+
+def test_settings_and_verdicts_say_what_interval_and_corrected_p_say_both(two):
+    _, _, summary = two
+    told = findings(summary)[2].partition(" Of the 5 settings: ")[2].rstrip(".").split("; ")
+    beginnings = ["capture rate", "captured", "mean time to capture"]
+    for part, beginning, name in zip(told, beginnings, CLAIMS, strict=True):
+        tests = [getattr(one, name) for one in summary.comparisons]
+        assert part.startswith(beginning)
+        assert part.count("packet loss") == sum(decided_by(test)[0] for test in tests)
+    for one in summary.comparisons:
+        marks = [decided_by(getattr(one, name)) for name in CLAIMS]
+        said = verdict(one)
+        if any(decided for decided, _ in marks):
+            assert said.count(";") + 1 == sum(decided for decided, _ in marks)
+            assert "undecided" not in said
+        else:
+            assert said.startswith("undecided")
+            assert said.endswith("after correction") == any(alone for _, alone in marks)
 
 
 def test_every_p_is_corrected_for_all_that_a_report_tells(two):

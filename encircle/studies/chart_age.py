@@ -62,7 +62,7 @@ def draw_age(summary: Summary) -> Drawn | None:
         _draw_cells(axes, at, outcome, [_style(plan, cell, first, second) for cell in shown])
         set_quantity(axes, summary, quantity, "y")
         axes.set_xlabel("mean age of information (s)")
-        axes.locator_params(axis="x", nbins=4, steps=[1, 2, 5, 10])
+        axes.locator_params(axis="x", nbins=5, steps=[1, 2, 2.5, 5, 10])
         axes.grid(alpha=0.25, lw=0.5)
     if first.numeric:
         _add_colour_bar(figure, panels, first)

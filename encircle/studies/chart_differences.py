@@ -37,7 +37,7 @@ from encircle.studies.views import (
     wrapped,
 )
 
-ROW_IN, GROUP_IN, NAME_LINE_IN, AROUND_IN = 0.14, 0.1, 0.14, 0.9
+ROW_IN, GROUP_IN, NAME_LINE_IN, AROUND_IN = 0.14, 0.1, 0.14, 1.05
 NAME_COLUMNS = 26
 LEVELS_MAX = 8
 RATE_SPAN_MIN, TIME_SPAN_MIN = 5.0, 0.02
@@ -118,7 +118,9 @@ def _draw(
         axes.locator_params(axis="x", nbins=6)
     panels[0].set_yticks(np.arange(len(rows)) + 0.5, names)
     panels[0].set_xlabel("difference in\ncapture rate (points)\nright is better")
-    panels[1].set_xlabel("difference in\nrestricted mean time (s)\nleft is better")
+    panels[1].set_xlabel(
+        "difference in\nmean time to capture,\nup to the limit (s)\nleft is better"
+    )
     add_legend(figure, legend)
     return figure
 

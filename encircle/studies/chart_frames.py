@@ -34,7 +34,7 @@ TALL_IN = 8.0
 
 MAP, PALEST = "viridis", 0.85
 LOG_SPAN_MIN = 100.0
-BESIDE = 0.018
+BESIDE = 0.011
 """Step between lines beside each other, as a share of the axis; bars must not touch."""
 
 NAME_COLUMNS = 34

@@ -62,7 +62,7 @@ RATE = Quantity(
 TIME = Quantity(
     "time",
     "mean time to capture up to the limit of a run",
-    "restricted mean time (s)",
+    "mean time to capture,\nup to the limit (s)",
     "95 % intervals, which allow for failures that the runs do not show",
     lambda cell: cell.time_s,
 )

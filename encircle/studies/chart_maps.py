@@ -1,10 +1,12 @@
 """Heat maps over two numeric axes: the capture rate, and beside it the time to capture.
 
-Cells are equally large whatever the steps between levels, and their numbers are printed if they
-fit. All maps of a study share their scales; light is good: often captured, or early.
+A map whose cells are all equal is left out, for a sentence says as much. Cells are equally large
+whatever the steps between levels, and their numbers are printed if they fit. All maps of a study
+share their scales; light is good: often captured, or early.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
@@ -14,10 +16,10 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
 from encircle.drawing import DOTS_PER_INCH, WIDTH_IN
-from encircle.studies.chart_frames import LETTER_IN, MAP, Drawn, Floats, fitted
-from encircle.studies.chart_lines import RATE, TIME, Quantity, limit_text, runs_text
+from encircle.studies.chart_frames import COLUMN_IN, LETTER_IN, MAP, Drawn, Floats, fitted
+from encircle.studies.chart_lines import RATE, TIME, Quantity, limit_text, runs_text, span
 from encircle.studies.plan import Axis
-from encircle.studies.summary import Summary
+from encircle.studies.summary import Cell, Summary
 from encircle.studies.views import (
     Places,
     cell_at,
@@ -39,62 +41,110 @@ LIGHT_MIN = 0.18
 """The luminance above which black is easier to read than white (WCAG 2, relative luminance)."""
 
 
+class _Grid(NamedTuple):
+    """A pair of maps: numeric axes, the levels of the others, cells by row (y) and column (x)."""
+
+    along: Axis
+    up: Axis
+    setting: Places
+    cells: Sequence[Sequence[Cell]]
+
+    def values(self, quantity: Quantity) -> Floats:
+        """(Y, X) the quantity in each cell."""
+        return np.array([[quantity.interval(cell).value for cell in row] for row in self.cells])
+
+
 def draw_maps(summary: Summary) -> Iterator[Drawn]:
-    """A pair of maps for each setting of the other axes, over the first two axes that allow it."""
+    """Maps for each setting of the other axes, over the first two axes that allow it."""
     axes = summary.plan.all_axes
     pair = [axis for axis in axes if axis.numeric and len(axis.levels) >= LEVELS_MIN][:2]
     if len(pair) < 2:
         return
     settings = settings_of([axis for axis in axes if axis not in pair])
-    chosen = evenly(len(settings), MAPS_MAX)
+    grids = [_grid(summary, pair[0], pair[1], setting) for setting in settings]
+    shown = [(grid, found) for grid in grids if (found := _not_uniform(grid))]
+    chosen = evenly(len(shown), MAPS_MAX)
     told = f" {len(chosen)} of {len(settings)} settings are shown."
     for number, place in enumerate(chosen, start=1):
         name = "map" if len(chosen) == 1 else f"map-{number}"
-        drawn = _draw_pair(summary, pair[0], pair[1], settings[place], name)
+        drawn = _draw(summary, *shown[place], name)
         left_out = told if len(chosen) < len(settings) else ""
         yield drawn._replace(caption=drawn.caption + left_out)
 
 
-def _draw_pair(summary: Summary, along: Axis, up: Axis, setting: Places, name: str) -> Drawn:
-    # Named by row (y) and column (x), as they are drawn.
-    rows = [
-        [cell_at(summary.plan, {**setting, along.name: x, up.name: y}) for x in ordered(along)]
+def _grid(summary: Summary, along: Axis, up: Axis, setting: Places) -> _Grid:
+    cells = [
+        [
+            summary.cells[cell_at(summary.plan, {**setting, along.name: x, up.name: y})]
+            for x in ordered(along)
+        ]
         for y in ordered(up)
     ]
+    return _Grid(along, up, setting, cells)
+
+
+def _not_uniform(grid: _Grid) -> list[Quantity]:
+    """The quantities that are not the same in all cells."""
+    return [quantity for quantity in (RATE, TIME) if np.ptp(grid.values(quantity)) > 0.0]
+
+
+def _draw(summary: Summary, grid: _Grid, quantities: Sequence[Quantity], name: str) -> Drawn:
+    along, up = grid.along, grid.up
     stacked = len(along.levels) > BESIDE_MAX
     map_in = min(max(ROW_IN * len(up.levels), MAP_IN_MIN), MAP_IN_MAX)
-    size = (WIDTH_IN, (map_in + AROUND_IN) * (2 if stacked else 1))
+    many = len(quantities)
+    width_in = COLUMN_IN if many == 1 and not stacked else WIDTH_IN
+    size = (width_in, (map_in + AROUND_IN) * (many if stacked else 1))
     figure = Figure(size, DOTS_PER_INCH, layout="constrained")
-    panels = figure.subplots(2, 1) if stacked else figure.subplots(1, 2)
-    room_pt = 72.0 * (WIDTH_IN / (1 if stacked else 2) - LEFT_IN) / len(along.levels)
+    panels = figure.subplots(many if stacked else 1, 1 if stacked else many, squeeze=False)
+    across = width_in / (1 if stacked else many)
+    room_pt = 72.0 * (across - LEFT_IN) / len(along.levels)
     printed = []
-    for axes, quantity in zip(panels, (RATE, TIME), strict=True):
-        values = np.array(
-            [[quantity.interval(summary.cells[c]).value for c in row] for row in rows]
-        )
+    for axes, quantity in zip(panels.flat, quantities, strict=True):
+        values = grid.values(quantity)
         _draw_map(figure, axes, summary, values, quantity)
         _name_levels(axes, along, up, room_pt, 72.0 * map_in)
         axes.set_xlabel(fitted(along, room_pt * len(along.levels) / 72.0))
         axes.set_ylabel(fitted(up, map_in))
         texts = _numbers(summary, values, quantity)
         letters = LETTER_EM * max(len(text) for row in texts for text in row) + 0.5
-        size_pt = min(NUMBER_PT, room_pt / letters, 0.75 * 72.0 * map_in / len(rows))
+        size_pt = min(NUMBER_PT, room_pt / letters, 0.75 * 72.0 * map_in / len(values))
         printed.append(size_pt >= NUMBER_PT_MIN)
         if printed[-1]:
             _print_numbers(axes, texts, values, _colours(summary, quantity), size_pt)
-    at = f" at {held}" if (held := held_text(summary.plan, setting)) else ""
-    caption = (
-        f"Capture rate and {TIME.words} over {label(along)} and {label(up)}{at};"
-        f" {runs_text(summary)} per cell. Runs without capture count as the limit,"
-        f" {limit_text(summary)}. Light is good: often captured, or early."
-        + ("" if all(printed) else " The numbers are in the table of cells.")
+    caption = _caption(summary, grid, quantities) + (
+        "" if all(printed) else " The numbers are in the table of cells."
     )
-    rates = [100.0 * summary.cells[cell].rate.value for row in rows for cell in row]
-    alt = (
-        f"Heat maps over {along.title} and {up.title}{at}: capture rate from {min(rates):.0f} to"
-        f" {max(rates):.0f} %, and mean time to capture in s."
-    )
-    return Drawn(name, figure, caption, alt)
+    return Drawn(name, figure, caption, _alt(summary, grid, quantities))
+
+
+def _over(summary: Summary, grid: _Grid, names: Callable[[Axis], str]) -> str:
+    at = f" at {held}" if (held := held_text(summary.plan, grid.setting)) else ""
+    return f"over {names(grid.along)} and {names(grid.up)}{at}"
+
+
+def _caption(summary: Summary, grid: _Grid, quantities: Sequence[Quantity]) -> str:
+    drawn = " and ".join(quantity.words for quantity in quantities)
+    parts = [
+        f"{drawn[0].upper()}{drawn[1:]} {_over(summary, grid, label)}; {runs_text(summary)} per"
+        " cell."
+    ]
+    if TIME in quantities:
+        parts.append(f"Runs without capture count as the limit, {limit_text(summary)}.")
+    parts.append("Light is good: often captured, or early.")
+    if RATE not in quantities:
+        parts.append(f"The capture rate is {grid.values(RATE)[0, 0]:.0f} % in all of these cells.")
+    return " ".join(parts)
+
+
+def _alt(summary: Summary, grid: _Grid, quantities: Sequence[Quantity]) -> str:
+    units = {RATE.stem: "%", TIME.stem: "s"}
+    spans = [
+        f"{quantity.words} {span(grid.values(quantity).ravel().tolist())} {units[quantity.stem]}"
+        for quantity in quantities
+    ]
+    title = _over(summary, grid, lambda axis: axis.title)
+    return f"Heat maps {title}: {', and '.join(spans)}."
 
 
 def _colours(summary: Summary, quantity: Quantity) -> tuple[Normalize, Colormap]:

@@ -18,7 +18,8 @@ main { max-width: 58rem; margin: 0 auto; padding: 1.5rem 1rem 4rem; }
 h1 { font-size: 1.75rem; line-height: 1.2; margin: 0 0 .5rem; }
 h2 { font-size: 1.25rem; margin: 2.5rem 0 .75rem; padding-bottom: .25rem;
   border-bottom: 1px solid var(--line); }
-h1, h2, p, li, td, th, figcaption { overflow-wrap: break-word; }
+h3 { font-size: 1rem; margin: 1.5rem 0 .25rem; }
+h1, h2, h3, p, li, td, th, figcaption { overflow-wrap: break-word; }
 p, ul { max-width: 46rem; }
 .soft, figcaption { color: var(--soft); }
 li { margin: .3rem 0; }
@@ -48,7 +49,7 @@ code { font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace
   @page { margin: 15mm; }
   body { font-size: 10pt; }
   main { max-width: none; padding: 0; }
-  h2 { break-after: avoid; }
+  h2, h3 { break-after: avoid; }
   figure, tr { break-inside: avoid; }
   .scroll { overflow: visible; }
   table { font-size: 8pt; }
@@ -114,15 +115,20 @@ def table(
     rows: Iterable[Sequence[str]],
     named: int = 1,
     kind: str = "number",
+    told: int = 0,
 ) -> str:
     """A table whose rows begin with ``named`` cells that name them.
 
-    ``kind``: ``number``, or ``words`` if the cells hold sentences.
+    ``kind``: ``number``, or ``words`` if the cells hold sentences. The last ``told`` always do.
     """
     body = []
     for row in rows:
         names = "".join(f'<th scope="row">{escape(text)}</th>' for text in row[:named])
-        cells = "".join(f'<td class="{kind}">{escape(text)}</td>' for text in row[named:])
+        kinds = [*(kind for _ in row[named + told :]), *("words" for _ in range(told))]
+        cells = "".join(
+            f'<td class="{kind_of}">{escape(text)}</td>'
+            for kind_of, text in zip(kinds, row[named:], strict=True)
+        )
         body.append(f"<tr>{names}{cells}</tr>")
     columns = "".join(f'<th scope="col">{escape(text)}</th>' for text in head)
     # A region that scrolls can be reached by keyboard, and has a name for those who hear it.

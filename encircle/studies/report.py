@@ -14,15 +14,15 @@ from encircle.statistics import CONFIDENCE, RESAMPLES
 from encircle.studies import page
 from encircle.studies.charts import FIGURES, Chart, write_charts
 from encircle.studies.comparisons_csv import COMPARISONS, write_comparisons
+from encircle.studies.findings_tables import findings_of
 from encircle.studies.plan import Plan
 from encircle.studies.report_tables import CSV, many, measures, tables
-from encircle.studies.sentences import findings
 from encircle.studies.summary import Summary, summarise
 from encircle.studies.table import OWNER, TABLE, StudyTable
 from encircle.studies.words import axis_rows, set_up
 
 REPORT = "report.html"
-FINDINGS_SHOWN, FINDINGS_MAX, VALUES_MAX = 16, 1000, 40
+VALUES_MAX = 40
 
 
 def write_report(
@@ -73,12 +73,7 @@ def _opening(plan: Plan, date: str) -> list[str]:
 
 
 def _findings(summary: Summary) -> list[str]:
-    sentences = findings(summary)
-    found = [page.heading("Findings"), page.bullets(sentences[:FINDINGS_SHOWN])]
-    if more := sentences[FINDINGS_SHOWN:]:
-        cut = f", {FINDINGS_MAX} of them here" if len(more) > FINDINGS_MAX else ""
-        told = f"{many(len(more), 'more finding')}{cut}"
-        found.append(page.folded(told, [page.bullets(more[:FINDINGS_MAX])]))
+    found = [page.heading("Findings"), *findings_of(summary)]
     note = "In brackets: 95 % intervals, each for itself."
     if summary.comparisons:
         note += f" {correction(summary)}"
@@ -138,11 +133,12 @@ def _methods(summary: Summary) -> list[str]:
         "Capture rates have Wilson's interval.",
         "Survival is Kaplan and Meier's estimate: a run that does not capture is censored at its"
         " limit. Its intervals are pointwise, Greenwood's on the scale log(-log).",
-        "The restricted mean time is the mean of the smaller of time to capture and limit, the area"
-        " under the survival curve. The median time is when half of the runs have captured.",
-        "The interval of a restricted mean joins Student's for the times of the runs that capture"
-        " with Wilson's for the share of those that do not: a few of these make much of the mean,"
-        " and there may be more than the runs show. That leaves it wide if runs are few.",
+        "The mean time to capture, up to the limit, is the mean of the smaller of time to capture"
+        " and limit, the area under the survival curve, also called the restricted mean. Its"
+        " interval joins Student's for the times of the runs that capture with Wilson's for the"
+        " share of those that do not: a few of these make much of the mean, and there may be more"
+        " than the runs show. That leaves it wide if runs are few. The median time is when half of"
+        " the runs have captured.",
         f"Means of measures have BCa bootstrap intervals from {RESAMPLES} resamples of the seeds,"
         " the same at every call, which can tell nothing of rare runs that are not among these."
         " Runs in which a measure is not defined are left out of its mean.",
@@ -156,7 +152,7 @@ def _methods(summary: Summary) -> list[str]:
             "Order: the share of seeds in which the compared one captures later, or never, less the"
             " share in which it does earlier, with Bonett and Price's interval; p is the exact sign"
             " test's. A run without capture is later than any with one.",
-            "Differences of restricted mean times, up to the lower of both limits, have Student's"
+            "Differences of mean times, up to the lower of both limits, have Student's"
             " interval for two pairs more than there are: one in which one captures at once and the"
             " other never, and its opposite. So has the rate averaged over settings. It allows for"
             " failures that the seeds do not show; without it, means of seeds that all captured"

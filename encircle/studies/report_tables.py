@@ -8,13 +8,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from encircle.comparisons import Decision, Difference, holm
+from encircle.comparisons import Difference, holm
 from encircle.measures import MEASURES
 from encircle.statistics import Interval
 from encircle.studies import page
 from encircle.studies.comparisons_csv import COMPARISONS
-from encircle.studies.plan import DELIVERED, Plan
-from encircle.studies.sentences import p_text, where_text
+from encircle.studies.plan import DELIVERED, Axis, Plan
+from encircle.studies.sentences import (
+    axis_of,
+    bounds_text,
+    decided,
+    p_text,
+    place_text,
+    where_text,
+)
 from encircle.studies.summary import Cell, Comparison, Summary, Tolerated
 from encircle.studies.views import label, varied
 
@@ -32,23 +39,24 @@ def tables(summary: Summary) -> list[str]:
     delayed = any(cell.delay.s_mean for cell in summary.cells)
     head = [*([axis.title for axis in axes] or ["Cell"]), *(DELAY_HEAD if delayed else ())]
     head += ["Runs", "Captured"]
-    head += ["Capture rate (%)", "Restricted mean time (s)", "Median time (s)"]
+    head += ["Capture rate (%)", "Mean time to capture, up to the limit (s)", "Median time (s)"]
     rows = [
         (
             *_levels(plan, cell.cell),
             *(_delays(cell) if delayed else ()),
             str(cell.runs),
             str(int(summary.captured[cell.cell].sum())),
-            _interval(cell.rate, ".1f", 100.0),
-            _interval(cell.time_s, ".2f"),
+            interval_text(cell.rate, ".1f", 100.0),
+            interval_text(cell.time_s, ".2f"),
             _number(cell.survival.median * summary.tick_s[cell.cell], ".2f"),
         )
         for cell in summary.cells[:ROWS_MAX]
     ]
-    caption = "Cells, with 95 % intervals" + _cut(len(summary.cells), ROWS_MAX)
+    caption = "Cells, with 95 % intervals" + cut_text(len(summary.cells), ROWS_MAX)
     found = [page.heading("Tables"), page.table(caption, head, rows, max(1, len(axes)))]
     if summary.comparisons:
-        found.append(_comparisons(summary))
+        told = f"All numbers of {many(len(summary.comparisons), 'comparison')}"
+        found.append(page.folded(told, [_comparisons(summary)]))
     if summary.tolerated:
         found.append(_tolerances(summary))
     return found
@@ -57,7 +65,7 @@ def tables(summary: Summary) -> list[str]:
 def _delays(cell: Cell) -> tuple[str, str]:
     """The mean delay that a cell's scenario asks for, and the one that came of it."""
     model, s_mean = cell.delay
-    return f"{s_mean:.4g} ({model})", _interval(cell.means[DELIVERED], ".4g")
+    return f"{s_mean:.4g} ({model})", interval_text(cell.means[DELIVERED], ".4g")
 
 
 def _comparisons(summary: Summary) -> str:
@@ -67,7 +75,12 @@ def _comparisons(summary: Summary) -> str:
     head = [axis.title, *(other.title for other in others), "Capture rate, difference (points)"]
     head += ["Only one captured: it / baseline", "Cohen's g", "p (McNemar)"]
     head += ["Seeds in which it is later / earlier", "Later less earlier (points)", "p (order)"]
-    head += ["Restricted mean time, difference (s)", "d_z", "p (signs)", "p (log-rank)"]
+    head += [
+        "Mean time to capture, up to the limit, difference (s)",
+        "d_z",
+        "p (signs)",
+        "p (log-rank)",
+    ]
     logrank = holm([one.logrank_p for one in summary.comparisons])
     rows = [
         (
@@ -83,29 +96,30 @@ def _comparisons(summary: Summary) -> str:
         f" subtracted, on {many(summary.comparisons[0].rate.pairs, 'common seed')}; p corrected for"
         f" {many(summary.tests, 'test')}, in brackets uncorrected; *: decided"
     )
-    cut = _cut(len(summary.comparisons), ROWS_MAX, COMPARISONS)
+    cut = cut_text(len(summary.comparisons), ROWS_MAX, COMPARISONS)
     return page.table(caption + cut, head, rows, 1 + len(others))
 
 
 def _differences(one: Comparison, logrank_p: float) -> tuple[str, ...]:
     rate, order, time_s = one.rate, one.order, one.time_s
     return (
-        _interval(rate.mean, "+.1f", 100.0),
+        interval_text(rate.mean, "+z.1f", 100.0),
         f"{rate.better} / {rate.worse}",
-        _interval(rate.effect, "+.2f"),
-        _tested(rate),
+        interval_text(rate.effect, "+z.2f"),
+        tested_text(rate),
         f"{order.worse} / {order.better}",
-        _interval(order.mean, "+.1f", 100.0),
-        _tested(order),
-        _interval(time_s.mean, "+.2f"),
-        _interval(time_s.effect, "+.2f"),
-        _tested(time_s),
+        interval_text(order.mean, "+z.1f", 100.0),
+        tested_text(order),
+        interval_text(time_s.mean, "+z.2f"),
+        interval_text(time_s.effect, "+z.2f"),
+        tested_text(time_s),
         _p(logrank_p, one.logrank_p),
     )
 
 
-def _tested(test: Difference) -> str:
-    mark = "" if test.decision is Decision.UNDECIDED else " *"
+def tested_text(test: Difference) -> str:
+    """The p of a test, corrected and not, with a star where it is decided."""
+    mark = " *" if decided(test) else ""
     return f"{_p(test.p_corrected, test.p)}{mark}"
 
 
@@ -114,24 +128,21 @@ def _tolerances(summary: Summary) -> str:
     rate = f"{100.0 * plan.tolerated_rate:g} %"
     rows = []
     for one in summary.tolerated[:ROWS_MAX]:
-        axis = next(axis for axis in plan.all_axes if axis.name == one.axis)
+        axis = axis_of(plan, one)
         held = where_text(plan, {a.name: one.others[a.name] for a in varied(plan) if a is not axis})
-        rows.append((axis.title, held or NONE, *_tolerance(plan, one)))
+        rows.append((axis.title, held or NONE, *_tolerance(axis, one)))
     caption = f"Up to which level the capture rate stays at or above {rate}, or from which on"
     head = ("Axis", "At", "Level", "95 % interval")
-    return page.table(caption + _cut(len(summary.tolerated), ROWS_MAX), head, rows, 2)
+    return page.table(caption + cut_text(len(summary.tolerated), ROWS_MAX), head, rows, 2)
 
 
-def _tolerance(plan: Plan, one: Tolerated) -> tuple[str, str]:
-    axis = next(axis for axis in plan.all_axes if axis.name == one.axis)
-    first, last = axis.shown(axis.column(0)), axis.shown(axis.column(len(axis.levels) - 1))
-    value, low, high = (bound * axis.scale for bound in one.level)
-    lower = f"{low:.3g}" if np.isfinite(low) else f"below {first}"
-    upper = f"{high:.3g}" if np.isfinite(high) else f"beyond {last}"
-    level = f"{value:.3g}" if np.isfinite(value) else f"none (below from {first} on)"
-    if np.isinf(high) and value == float(axis.column(len(axis.levels) - 1)) * axis.scale:
+def _tolerance(axis: Axis, one: Tolerated) -> tuple[str, str]:
+    first, last = (place_text(axis, axis.shown_values[k]) for k in (0, -1))
+    value, _low, high = one.level
+    level = place_text(axis, value) if np.isfinite(value) else f"none (below from {first} on)"
+    if np.isinf(high) and value == axis.shown_values[-1]:
         level = f"{last}, the last"
-    return f"from {level} on" if one.rising else level, f"[{lower}, {upper}]"
+    return f"from {level} on" if one.rising else level, bounds_text(axis, one.level)
 
 
 def measures(summary: Summary) -> list[str]:
@@ -155,7 +166,7 @@ def _measures_beside(summary: Summary, names: Sequence[str]) -> str:
         (
             f"{name}: {MEASURES[name].description}",
             MEASURES[name].unit,
-            *(_interval(cell.means[name], ".4g") for cell in summary.cells),
+            *(interval_text(cell.means[name], ".4g") for cell in summary.cells),
         )
         for name in names
     ]
@@ -167,12 +178,12 @@ def _measured(summary: Summary, name: str) -> str:
     plan, measure = summary.plan, MEASURES[name]
     unit = f" ({measure.unit})" if measure.unit != "1" else ""
     rows = [
-        (*_levels(plan, cell.cell), _interval(cell.means[name], ".4g"))
+        (*_levels(plan, cell.cell), interval_text(cell.means[name], ".4g"))
         for cell in summary.cells[:MEASURED_ROWS_MAX]
     ]
     head = [*(axis.title for axis in plan.all_axes), f"Mean{unit}"]
     caption = f"{name}: {measure.description} Means over runs, with 95 % intervals"
-    caption += _cut(len(summary.cells), MEASURED_ROWS_MAX)
+    caption += cut_text(len(summary.cells), MEASURED_ROWS_MAX)
     return page.folded(f"{name}{unit}", [page.table(caption, head, rows, len(plan.all_axes))])
 
 
@@ -188,7 +199,8 @@ def _cell_name(plan: Plan, cell: int) -> str:
     return ", ".join(named) or "Mean"
 
 
-def _interval(interval: Interval, spec: str, scale: float = 1.0) -> str:
+def interval_text(interval: Interval, spec: str, scale: float = 1.0) -> str:
+    """``+4.0 [-1.5, +9.5]``, the value alone if it has no bounds, a dash if there is none."""
     value, low, high = (scale * bound for bound in interval)
     if np.isnan(value):
         return NONE
@@ -210,5 +222,6 @@ def many(count: int, what: str) -> str:
     return f"{count} {what}{'s' * (count != 1)}"
 
 
-def _cut(count: int, most: int, file: str = CSV) -> str:
+def cut_text(count: int, most: int, file: str = CSV) -> str:
+    """What is said of a table whose rows are more than are shown."""
     return f"; the first {most} of {count}, all in {file}" if count > most else ""

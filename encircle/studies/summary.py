@@ -166,7 +166,7 @@ class Summary:
             others,
             rate_difference(self.captured[a], self.captured[b]),
             order_difference(*self._times_s(a, b, beyond=True)),
-            paired_difference(times_a_s, times_b_s, self._limit_s(a, b)),
+            self._sized(paired_difference(times_a_s, times_b_s, self._limit_s(a, b)), [a], [b]),
             logrank_of(seconds[0], self.captured[a], seconds[1], self.captured[b]),
         )
 
@@ -181,8 +181,18 @@ class Summary:
             len(rows),
             paired_difference(rate_a, rate_b, 1.0, less_is_better=False),
             order_difference(times_a_s, times_b_s),
-            paired_difference(times_a_s, times_b_s, limit_s),
+            self._sized(
+                paired_difference(times_a_s, times_b_s, limit_s), *zip(*pairs, strict=True)
+            ),
         )
+
+    def _sized(self, found: Difference, a: Sequence[int], b: Sequence[int]) -> Difference:
+        """A difference of times; without effect size if all runs of one side are censored.
+
+        The spread of their times is then that of the other side alone, and says nothing of theirs.
+        """
+        known = all(self.captured[list(cells)].any() for cells in (a, b))
+        return found if known else found._replace(effect=Interval())
 
     def _limit_s(self, a: int, b: int) -> float:
         """Up to when the times of two cells can be compared."""

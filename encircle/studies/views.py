@@ -128,7 +128,7 @@ def level_text(axis: Axis, place: int, named: bool = False) -> str:
     if not named:
         return text
     called = label(axis) if len(label(axis)) <= LABEL_MAX else axis.name
-    text = f"{called} {text}" + (f" {axis.unit}" if axis.unit else "")
+    text = f"{called} {text}" + (f"{UNBROKEN}{axis.unit}" if axis.unit else "")
     return text.replace(" ", UNBROKEN) if len(text) <= UNBROKEN_MAX else text
 
 
