@@ -8,8 +8,7 @@ a line each: the commands on standard error, the Python API as a ``ScenarioRemar
 from typing import TYPE_CHECKING
 
 from world.capture import ROBOTS_MIN, most_within
-from world.delay_means import delivered_s_mean, mean_s
-from world.radio_model import Crash, delay_parts
+from world.radio_model import Crash, Delay, delay_parts
 
 if TYPE_CHECKING:
     from world.scenario import Scenario
@@ -76,10 +75,17 @@ def _lost_for_good(scenario: "Scenario") -> list[str]:
 
 def _short_delays(scenario: "Scenario") -> list[str]:
     """Delays that ticks make much longer, and what will come of them."""
+    parts = delay_parts(scenario.channel, scenario.ids)
+    delayed = [(key, delay) for key, links, delay in parts if links.any() and delay != Delay()]
+    if not delayed:
+        return []
+    # It brings scipy, for which a command without delays need not wait.
+    from world.delay_means import delivered_s_mean, mean_s
+
     tick_s, found = scenario.tick_s, []
-    for key, links, delay in delay_parts(scenario.channel, scenario.ids):
+    for key, delay in delayed:
         asked_s = mean_s(delay)
-        if links.any() and 0.0 < asked_s <= tick_s / 2.0:
+        if 0.0 < asked_s <= tick_s / 2.0:
             found.append(
                 f"{key}: {asked_s:.3g} s on average ({delay.model}) is at most half a tick of"
                 f" {tick_s:g} s; packets arrive at ticks, at the next one at the earliest, so that"
