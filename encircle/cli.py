@@ -281,7 +281,11 @@ def study_command(
         raise typer.Exit(2) from None
     request = Request(name, out, seeds, link, workers, cluster, changes)
     try:
-        show(run_study(request), as_json)
+        answer = run_study(request)
+        show(answer, as_json)
+        if answer["failed"]:
+            print(f"encircle: {answer['failure']}", file=sys.stderr)
+            raise typer.Exit(1)
     except StudyError as error:
         print(f"encircle: {error}", file=sys.stderr)
         raise typer.Exit(2) from None

@@ -105,7 +105,7 @@ def _rows(
         numbers = {name: measured.get(name, own.gamma(4.0, 2.0)) for name in plan.columns}
         rows.append(
             {"cell": cell, **levels, "seed": seed, "digest": f"{cell}-{seed}"}
-            | {"captured": float(captured), "ticks": ticks}
+            | {"captured": float(captured), "ticks": ticks, "failed": ""}
             | {name: float(value) for name, value in numbers.items()}
             | {"wall_s": 0.01, "code": CODE["code"], "versions": json.dumps(VERSIONS)}
         )

@@ -36,7 +36,8 @@ def plan(**changes):
 
 def row(cell, seed, **changes):
     levels = {"limit": float(5 + cell)}
-    return {"cell": cell, **levels, "seed": seed, "digest": f"{cell}-{seed}", "x_m": 0.5, **changes}
+    found = {"cell": cell, **levels, "seed": seed, "digest": f"{cell}-{seed}", "failed": ""}
+    return {**found, "x_m": 0.5, **changes}
 
 
 def filled(path, pairs, found=None):

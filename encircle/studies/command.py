@@ -21,6 +21,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from encircle.studies.failures import last_line
 from encircle.studies.plan import load_plan
 from encircle.studies.report import write_report
 from encircle.studies.sentences import findings
@@ -76,18 +77,22 @@ def run_study(request: Request) -> dict[str, Any]:
 
         ran = _run(study, request, tell, done)
     with closing(study.open()) as table:
-        summary = summarise(plan, table)
+        summary = summarise(plan, table) if table.whole_seeds else None
         report = write_report(plan, table, study.directory, request.command, summary=summary)
+        failed = int(table.failed.sum())
+        failure = last_line(plan, table)
     return {
         "study": plan.name,
         "cells": len(plan.cells),
         "seeds": len(plan.seed_list),
         "runs": plan.runs,
         "ran": ran,
+        "failed": failed,
+        "failure": failure,
         "fingerprint": plan.fingerprint,
         "out": str(study.directory),
         "report": str(report),
-        "findings": findings(summary),
+        "findings": findings(summary) if summary else [],
     }
 
 

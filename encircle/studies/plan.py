@@ -37,7 +37,7 @@ CELLS_MAX = 100_000
 CELLS_NAMED_MAX = 4
 SEEDS_MAX = 1_000_000
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
-RESERVED = ("cell", "seed", "digest", "captured", "ticks", "wall_s", "code", "versions")
+RESERVED = ("cell", "seed", "digest", "captured", "ticks", "failed", "wall_s", "code", "versions")
 STRATEGY = "strategy"
 DELIVERED = "delay_s_mean"
 """The measure of the delay that came of the radio."""

@@ -14,6 +14,7 @@ from encircle.statistics import CONFIDENCE, RESAMPLES
 from encircle.studies import page
 from encircle.studies.charts import FIGURES, Chart, write_charts
 from encircle.studies.comparisons_csv import COMPARISONS, write_comparisons
+from encircle.studies.failures import failures
 from encircle.studies.findings_tables import findings_of
 from encircle.studies.plan import Plan
 from encircle.studies.report_tables import CSV, many, measures, tables
@@ -36,25 +37,30 @@ def write_report(
 ) -> Path:
     """Write ``report.html``, ``summary.csv`` and the figures; returns the path of the page.
 
-    ``table`` must be complete. ``command`` is what repeats the numbers, shown as it is. ``summary``
-    is that of the table if it is there already.
+    ``table`` must be complete, or have failed runs in place of what is missing: of those the page
+    tells, and if there is no seed without one, of little else. ``command`` is what repeats the
+    numbers, shown as it is. ``summary`` is that of the table if it is there already.
     """
-    assert table.done.all(), f"{int((~table.done).sum())} runs are missing"
-    summary = summary or summarise(plan, table)
-    summary.write_csv(directory / CSV)
-    if summary.comparisons:
-        write_comparisons(summary, directory / COMPARISONS)
-    charts = write_charts(summary, directory)
-    content = [
-        *_opening(plan, date),
-        *_findings(summary),
-        *_set_up(plan, summary.plan),
-        *_figures(charts),
-        *tables(summary),
-        *measures(summary),
-        *_methods(summary),
-        *_again(plan, table, command, bool(summary.comparisons)),
-    ]
+    missing = int((~table.done & ~table.failed).sum())
+    assert missing == 0, f"{missing} runs are missing"
+    content = [*_opening(plan, date), *failures(plan, table)]
+    if table.whole_seeds:
+        summary = summary or summarise(plan, table)
+        summary.write_csv(directory / CSV)
+        if summary.comparisons:
+            write_comparisons(summary, directory / COMPARISONS)
+        charts = write_charts(summary, directory)
+        content += [
+            *_findings(summary),
+            *_set_up(plan, summary.plan),
+            *_figures(charts),
+            *tables(summary),
+            *measures(summary),
+            *_methods(summary),
+            *_again(plan, table, command, bool(summary.comparisons)),
+        ]
+    else:
+        content += [*_set_up(plan, plan), *_again(plan, table, command, False)]
     path = directory / REPORT
     path.write_text(page.document(plan.title or plan.name, content), encoding="utf-8")
     return path

@@ -13,24 +13,28 @@ import subprocess
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from encircle.launch import ONE_THREAD, STOP_S_MAX, free_endpoint
 from encircle.runlog import RunLog
 from encircle.studies.plan import Plan
 from encircle.studies.sources import versions
-from encircle.studies.work import Row, Task, row
+from encircle.studies.work import FAILED, Row, Task, failed_row, row, run_seed
 from encircle.studies.workers import StudyFailed
 from protocol.access import Access
 from protocol.keys import robot_key, world_key
 from protocol.log import bounded_log
 from protocol.options import without_settings
+from protocol.plugins import PluginFailed
 from protocol.zenoh_link import LinkError, ZenohLink
 from world.core import WorldCore
 from world.engine import Arena, build
-from world.scenario import load
+from world.scenario import Scenario, ScenarioError, load
 from world.server import ANSWER_S_MAX, JOIN_S_MAX, run_rounds, send
+from world.server import FAILED as ENDED_AS_FAILED
 
 WATCH_PERIOD_S = 0.1
 Messages = list[tuple[int, str, bytes]]
@@ -42,14 +46,41 @@ def over_zenoh(plan: Plan, tasks: Iterator[Task], code: str) -> Iterator[list[Ro
     ``code``: the digest of the sources that the robots, started here, import.
     """
     told = code, json.dumps(versions(plan.plugins))
-    teams = [plan.scenario_of(cell).ids for cell in range(len(plan.cells))]
-    with Session(max(teams, key=len)) as session:
+    team = max((plan.scenario_of(cell).ids for cell in range(len(plan.cells))), key=len)
+    with ExitStack() as stack:
+        session = None
         for task in tasks:
             scenario = load(json.loads(task.scenario))
             for seed in task.seeds:
-                begun = time.perf_counter()
-                log, digest = session.hunt(build(scenario, seed))
-                yield [row(task, log, digest, begun, told)]
+                session = session or stack.enter_context(Session(team))
+                found = _run(session, task, scenario, seed, told)
+                yield [found]
+                if found[FAILED]:
+                    # What is still under way of that run must not come into the next one.
+                    stack.close()
+                    session = None
+
+
+def _run(
+    session: "Session", task: Task, scenario: Scenario, seed: int, code: tuple[str, str]
+) -> Row:
+    begun_s = time.perf_counter()
+    try:
+        log, digest = session.hunt(build(scenario, seed))
+        return row(task, log, digest, begun_s, code)
+    except RunEnded as error:
+        # What was said elsewhere is had here with its traceback: the same fails in memory.
+        again = run_seed(task, scenario, seed, code)
+        if again[FAILED]:
+            return again
+        return failed_row(task, seed, str(error), f"{error}\n", begun_s, code)
+    except (PluginFailed, ScenarioError) as error:
+        trace = "".join(traceback.format_exception(error))
+        return failed_row(task, seed, str(error), trace, begun_s, code)
+
+
+class RunEnded(Exception):
+    """A run that ended as failed, for a reason of its own; the message says which."""
 
 
 class Session:
@@ -109,7 +140,10 @@ class Session:
                 time.sleep(0.02)
 
     def hunt(self, arena: Arena) -> tuple[RunLog, str]:
-        """One run: its log and digest; ``StudyFailed`` if it does not come to its end."""
+        """One run: its log and digest.
+
+        ``RunEnded`` if it ends as failed, ``StudyFailed`` if it does not come to any end.
+        """
         messages: Messages = []
         core = WorldCore(
             arena,
@@ -124,6 +158,8 @@ class Session:
         if core.ended is None:
             raise StudyFailed(self._trouble or "the link was closed")
         self._core = None
+        if core.ended.startswith(ENDED_AS_FAILED):
+            raise RunEnded(core.ended.removeprefix(ENDED_AS_FAILED))
         digest = core.result().digest
         return RunLog.of_messages(arena.scenario, arena.seed, self._run, messages), digest
 

@@ -17,14 +17,17 @@ from encircle.hunts import LINKS
 from encircle.studies.plan import Plan
 from encircle.studies.sources import code
 from encircle.studies.table import StudyTable
-from encircle.studies.work import Row, Task
+from encircle.studies.work import FAILED, TRACE, Row, Task
 from encircle.studies.workers import in_processes, on_cluster
+from protocol.tracebacks import KEPT_IN
 from world.remarks import ScenarioRemark
 
 if TYPE_CHECKING:
     import pandas as pd
 
 TASK_RUNS = 8
+TRACES_MAX = 100
+"""Tracebacks that are kept of runs that failed; they are seldom more than a few different ones."""
 Progress = Callable[[int, int], None]
 
 
@@ -46,14 +49,15 @@ class Study:
         cluster: str | None = None,
         progress: Progress | None = None,
     ) -> int:
-        """Run what is missing; returns how many runs that were.
+        """Run what is missing, and again what failed; returns how many runs that were.
 
         ``link``: ``memory``, on ``workers`` processes of this machine (one per core by default) or
         on the dask cluster at ``cluster``; or ``zenoh``, one run after the other through robot
         processes that are kept. ``progress`` is called with the numbers of runs that are done and
-        that there are. Raises ``StudyError`` for a directory that is another study's and
-        ``StudyFailed`` if not everything could be run; the same call then goes on. Warns with
-        ``ScenarioRemark`` of cells that may not be what was meant.
+        that there are. A run that fails stands as failed in the table, its traceback in a file
+        under ``failed``, and the others go on. Raises ``StudyError`` for a directory that is
+        another study's and ``StudyFailed`` if not everything could be run; the same call then goes
+        on. Warns with ``ScenarioRemark`` of cells that may not be what was meant.
         """
         if link not in LINKS:
             raise ValueError(f"link {link!r}: must be one of {', '.join(LINKS)}")
@@ -67,22 +71,41 @@ class Study:
             if missing:
                 todo = tasks(self.plan, table.done)
                 for rows in self._rows(todo, table.owner["code"], link, workers, cluster):
-                    table.append(rows)
+                    table.append([self._without_trace(row) for row in rows])
                     done += len(rows)
                     tell(done, self.plan.runs)
             table.merge()
         return missing
 
     def table(self) -> "pd.DataFrame":
-        """The whole table, one row per run by cell and seed; what is missing is run first."""
+        """The whole table, one row per run by cell and seed; what is missing is run first.
+
+        Of a run that failed, ``failed`` says how and nothing is measured; a warning counts them.
+        """
         self.run()
         with closing(self.open()) as table:
             frame: pd.DataFrame = table.read().to_pandas()
+            if failed := int(table.failed.sum()):
+                said = f"{failed} of {self.plan.runs} runs failed: see the column {FAILED!r}"
+                warnings.warn(said, RuntimeWarning, stacklevel=2)
         return frame
 
     def open(self) -> StudyTable:
         """The table, locked until it is closed."""
         return StudyTable(self.directory, self.plan, {"code": code(self.plan.plugins)})
+
+    def _without_trace(self, row: Row) -> Row:
+        """A row as it goes into the table; the traceback of a run that failed goes into a file."""
+        trace = row.pop(TRACE, "")
+        if not trace:
+            return row
+        folder = self.directory / FAILED
+        path = folder / f"cell-{row['cell']}-seed-{row['seed']}.txt"
+        folder.mkdir(exist_ok=True)
+        if sum(1 for _ in folder.iterdir()) < TRACES_MAX or path.exists():
+            path.write_bytes(f"{row[FAILED]}\n\n{trace}".encode(errors="backslashreplace"))
+            row[FAILED] += f"{KEPT_IN}{path}"
+        return row
 
     def _rows(
         self, todo: Iterator[Task], code: str, link: str, workers: int | None, cluster: str | None

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from encircle.comparisons import (
@@ -264,11 +266,17 @@ def _with(found: Sequence[T], tests: Sequence[Difference]) -> tuple[T, ...]:
 
 
 def summarise(plan: Plan, table: StudyTable) -> Summary:
-    """Sum up a complete table."""
+    """Sum up a complete table, but for seeds of which a run failed in some cell.
+
+    Those are left out of every cell, so that all have the same ones. Some must be left
+    (``StudyTable.whole_seeds``).
+    """
+    seeds = pa.array(table.whole_seeds)
     cells, captured, ticks, tick_s = [], [], [], []
     numbers = [name for name in plan.columns if name in MEASURES]
     for place in range(len(plan.cells)):
         rows = table.read([CAPTURED, TICKS, *numbers], slice(place, place + 1))
+        rows = rows.filter(pc.is_in(rows["seed"], seeds))
         scenario = plan.scenario_of(place)
         flags = rows[CAPTURED].to_numpy() > 0.5
         times = rows[TICKS].to_numpy().astype(float)

@@ -22,8 +22,10 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from encircle.studies.plan import Plan, StudyError
+from encircle.studies.work import FAILED
 
 TABLE, PARTS, OWNER, LOCK = "table.parquet", "parts", "study.json", "lock"
+KEYS = ("cell", "seed", FAILED)
 PARTS_MAX = 512
 MERGED_ROWS = 20_000
 
@@ -31,7 +33,8 @@ MERGED_ROWS = 20_000
 class StudyTable:
     """The table in a directory, locked for this process until ``close``.
 
-    ``done``: (C, S) whether it has the run of a cell with the seed at a place.
+    ``done``: (C, S) whether it has the run of a cell with the seed at a place; ``failed``: whether
+    it has only that such a run failed, which is then to be tried again.
     Raises ``StudyError`` for a directory that is not ours to write in, and for damaged files.
     """
 
@@ -56,7 +59,7 @@ class StudyTable:
         except OSError as error:
             raise StudyError(f"{directory} cannot be used: {error.strerror or error}") from None
         try:
-            self.done = self._read_done()
+            self.done, self.failed = self._read_done()
         except StudyError:
             self.close()
             raise
@@ -77,7 +80,8 @@ class StudyTable:
         for row in rows:
             place = self._place[row["seed"]]
             assert not self.done[row["cell"], place], f"run {row['cell']}, {row['seed']} came twice"
-            self.done[row["cell"], place] = True
+            self.done[row["cell"], place] = not row[FAILED]
+            self.failed[row["cell"], place] = bool(row[FAILED])
         if len(self._numbers) >= PARTS_MAX:
             self.merge()
 
@@ -104,6 +108,22 @@ class StudyTable:
         # An earlier call may have asked for more seeds than this one.
         return rows.filter(pc.is_in(rows["seed"], pa.array(self._plan.seed_list)))
 
+    @property
+    def whole_seeds(self) -> list[int]:
+        """The seeds of which every cell's run is there: those that can be compared in pairs."""
+        return [self._plan.seed_list[k] for k in np.flatnonzero(self.done.all(axis=0))]
+
+    def failures(self, rows_max: int) -> list[dict[str, Any]]:
+        """The first rows of runs that failed, as many at most."""
+        names = ["cell", "seed", *(axis.name for axis in self._plan.all_axes), FAILED]
+        found: list[dict[str, Any]] = []
+        for cell in np.flatnonzero(self.failed.any(axis=1)).tolist():
+            rows = self.read(names, slice(cell, cell + 1))
+            found += rows.filter(pc.not_equal(rows[FAILED], "")).to_pylist()
+            if len(found) >= rows_max:
+                break
+        return found[:rows_max]
+
     def _parts(self) -> list[Path]:
         return sorted((self.directory / PARTS).glob("*.parquet"))
 
@@ -117,18 +137,17 @@ class StudyTable:
         named = [(name, kinds[type(value)]) for name, value in row.items()]
         return pa.schema(named, {key: str(value) for key, value in self.owner.items()})
 
-    def _read_done(self) -> NDArray[np.bool_]:
-        done = np.zeros((len(self._plan.cells), len(self._plan.seed_list)), bool)
+    def _read_done(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        done, failed = np.zeros((2, len(self._plan.cells), len(self._plan.seed_list)), bool)
         whole = self.directory / TABLE
         for path in [*([whole] if whole.exists() else []), *self._parts()]:
             rows = self._read_keys(path)
-            for cell, seed in zip(
-                *(rows[name].to_pylist() for name in ("cell", "seed")), strict=True
-            ):
+            columns = (rows[name].to_pylist() for name in KEYS)
+            for cell, seed, failure in zip(*columns, strict=True):
                 place = self._place.get(seed)
                 if place is not None and 0 <= cell < len(done):
-                    done[cell, place] = True
-        return done
+                    (failed if failure else done)[cell, place] = True
+        return done, failed & ~done
 
     def _read_keys(self, path: Path) -> pa.Table:
         try:
@@ -136,7 +155,7 @@ class StudyTable:
                 said = {
                     k.decode(): v.decode() for k, v in (file.schema_arrow.metadata or {}).items()
                 }
-                rows = file.read(columns=["cell", "seed"])
+                rows = file.read(columns=list(KEYS))
         except (pa.ArrowException, OSError, KeyError) as error:
             line = (str(error).splitlines() or [type(error).__name__])[0]
             raise StudyError(
@@ -187,11 +206,10 @@ def _locked(path: Path) -> TextIO:
 def _sorted(
     source: ds.Dataset, first: int, after: int, columns: Sequence[str] | None = None
 ) -> pa.Table:
-    wanted = None if columns is None else list(dict.fromkeys(["cell", "seed", *columns]))
+    wanted = None if columns is None else list(dict.fromkeys([*KEYS, *columns]))
     chosen = (ds.field("cell") >= first) & (ds.field("cell") < after)
-    rows = source.to_table(columns=wanted, filter=chosen).sort_by(
-        [("cell", "ascending"), ("seed", "ascending")]
-    )
+    # Of a run that failed and was tried again, the one that did not fail comes first.
+    rows = source.to_table(columns=wanted, filter=chosen).sort_by([(k, "ascending") for k in KEYS])
     # A merge that was cut off leaves parts that the table has already.
     cells, seeds = rows["cell"].to_numpy(), rows["seed"].to_numpy()
     first_of = np.ones(len(cells), bool)
