@@ -22,7 +22,7 @@ from protocol.about import About, read, replier
 from protocol.access import BY_HOST_AND_PORT, Access, LinkError, host_and_port
 from protocol.errors import LinkClosed, ProtocolError
 from protocol.keys import is_plain
-from protocol.lanes import SURE, lane
+from protocol.lanes import ROUND, SURE, lane
 from protocol.mailbox import now_us
 from protocol.zenoh_config import configuration, in_one_line
 
@@ -112,7 +112,7 @@ class ZenohLink:
         return self._session.declare_publisher(
             key,
             express=True,
-            priority=getattr(zenoh.Priority, chosen.upper()),
+            priority=_priority(chosen),
             congestion_control=control.BLOCK if self._waits or chosen == SURE else control.DROP,
         )
 
@@ -172,14 +172,21 @@ class ZenohLink:
         """Answer whoever asks what this party is, which versions it has, what its clock shows."""
         self._watchers.append(answer(self._session, key, replier(party, now_us)))
 
-    def flush(self, expression: str, s_max: float) -> None:
+    def flush(self, expression: str, s_max: float) -> bool:
         """Wait until the parties that tell about themselves on such keys have had what was sent.
 
-        At most for ``s_max`` s: one that is frozen never answers.
+        At most for ``s_max`` s: one that is frozen never answers. Whether any has.
         """
-        # A question takes the same way as what was sent before it, and cannot overtake that.
+        # A question takes the same way as what was sent on its lane before it, and cannot overtake
+        # that.
         with contextlib.suppress(zenoh.ZError):
-            list(self._session.get(expression, timeout=s_max))
+            questions = [
+                self._session.get(expression, timeout=s_max, priority=_priority(asked))
+                for asked in (SURE, ROUND)
+            ]
+            replies = [reply for question in questions for reply in question]
+            return any(reply.ok is not None for reply in replies)
+        return False
 
     def ask_about(self, key: str, s_max: float) -> About | None:
         """What a party says of itself on a key; None if nothing comes that can be understood."""
@@ -204,6 +211,11 @@ class ZenohLink:
         with contextlib.suppress(LinkClosed):
             while True:
                 self.receive()
+
+
+def _priority(lane: str) -> zenoh.Priority:
+    found: zenoh.Priority = getattr(zenoh.Priority, lane.upper())
+    return found
 
 
 class _Patience:

@@ -33,6 +33,7 @@ from world.pacing import Punctuality
 from world.recorder import Recorder, RecordingStopped
 from world.result import GO_ON
 from world.resuming import Resumed
+from world.telling import send, tell
 
 JOIN_S_MAX = 30.0
 ANSWER_S_MAX = 3.0
@@ -72,12 +73,6 @@ def run_rounds(core: WorldCore, link: Link) -> None:
                 send(link, core.settle())
     except LinkClosed:
         pass
-
-
-def send(link: Link, messages: list[tuple[str, bytes]]) -> None:
-    """Hand messages over to a link, in their order."""
-    for key, payload in messages:
-        link.send(key, payload)
 
 
 class Server:
@@ -222,7 +217,7 @@ class Server:
 
     def _send(self, outgoing: Outgoing) -> None:
         if outgoing:
-            send(self.link, outgoing)
+            tell(self.link, outgoing)
             send(self.link, self.core.settle())
 
     async def _watch_progress(self) -> None:

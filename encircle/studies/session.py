@@ -33,8 +33,9 @@ from protocol.zenoh_link import LinkError, ZenohLink
 from world.core import WorldCore
 from world.engine import Arena, build
 from world.scenario import Scenario, ScenarioError, load
-from world.server import ANSWER_S_MAX, JOIN_S_MAX, run_rounds, send
+from world.server import ANSWER_S_MAX, JOIN_S_MAX, run_rounds
 from world.server import FAILED as ENDED_AS_FAILED
+from world.telling import send
 
 WATCH_PERIOD_S = 0.1
 Messages = list[tuple[int, str, bytes]]

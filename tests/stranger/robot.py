@@ -249,11 +249,16 @@ def main(me, run, endpoint):
             life.declare_subscriber(world_alive, hand_over, history=True),
         ]
         out = {
-            channel: session.declare_publisher(
-                f"{base}/{channel}", express=True, congestion_control=zenoh.CongestionControl.BLOCK
+            (channel, again): session.declare_publisher(
+                f"{base}/{channel}",
+                express=True,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=zenoh.Priority.INTERACTIVE_LOW if again else zenoh.Priority.DATA_HIGH,
             )
             for channel in ("pose", "command")
+            for again in (False, True)
         }
+        said = []
         kept.append(life.declare_token(f"{base}/alive"))
         deadline = time.monotonic() + JOIN_S
         while robot.ended is None:
@@ -270,8 +275,10 @@ def main(me, run, endpoint):
             if not key.startswith(f"{base}/"):  # whatever matches it and is another, as ** does
                 continue
             channel, refused = key.removeprefix(f"{base}/"), dict(robot.refused)
-            for where, payload in robot.hear(channel, sample.payload.to_bytes()):
-                out[where].put(payload)
+            answer = robot.hear(channel, sample.payload.to_bytes())
+            for where, payload in answer:
+                out[where, answer is said].put(payload)
+            said = answer or said
             if robot.setup is not None and robot.refused == refused:
                 deadline = None
     print(f"{me}: {robot.ended}")
