@@ -25,13 +25,11 @@ FOR_VIEWERS = "/state"
 BATCHES_MAX = 16
 """What may wait to be sent on each lane of a connection, in Zenoh's batches of 64 KiB; with Zenoh's
 own 2, a busy processor is enough to fill it."""
-CLOSES_US, FRAGMENTS_US = 1_000_000, 500_000
-"""How long a gate waits for room on the sure lane before it closes the connection, and, elsewhere,
-for the rest of a message that is longer than what may wait."""
+CLOSES_US = 1_000_000
+"""How long a gate waits for room on the sure lane before it closes the connection."""
 
 Settings = dict[str, Any]
 
-_CONGESTION = "transport/link/tx/queue/congestion_control"
 _YIELDING = {
     "id": "what finds no room is dropped",
     "messages": ["put", "delete", "query"],
@@ -52,8 +50,7 @@ ROOM: Settings = {
 """Of every party."""
 GATE: Settings = {
     "qos/network": [_YIELDING, _SURE],
-    f"{_CONGESTION}/block/wait_before_close": CLOSES_US,
-    f"{_CONGESTION}/drop/max_wait_before_drop_fragments": FRAGMENTS_US,
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": CLOSES_US,
 }
 """Of every party that listens, beside ``ROOM``."""
 

@@ -15,10 +15,14 @@ QUEUE_MAX = 65_536
 
 
 class Link(Protocol):
-    """Ordered, reliable delivery of messages by key, as long as both ends live."""
+    """Ordered delivery of messages by key, as long as both ends live; see ``send`` for losses."""
 
     def send(self, key: str, payload: bytes) -> None:
-        """Hand a message over; may block for a bounded time, never loses it silently."""
+        """Hand a message over; may block for a bounded time.
+
+        What finds no room on its way may be lost, but not a ``setup`` or ``end``, nor what is sent
+        once more, unchanged: so whoever waits for an answer in vain says the same again.
+        """
 
     def receive(self) -> tuple[str, bytes]:
         """Wait for the next message; raises ``LinkClosed`` once the link is closed."""
@@ -30,7 +34,7 @@ class Link(Protocol):
         """
 
     def never_wait(self) -> None:
-        """From now on, rather drop a message than wait: but for ``setup`` and ``end``."""
+        """From now on drop rather than wait, also what is sent again, but no ``setup`` or ``end``."""
 
     def close(self) -> None:
         """Close the link and wake whoever waits in ``receive``. May be called twice."""

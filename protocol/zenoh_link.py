@@ -94,8 +94,7 @@ class ZenohLink:
     def send(self, key: str, payload: bytes) -> None:
         """Publish; blocks while the transport is congested, or drops after ``never_wait``.
 
-        A gate may drop it later on, but not what is sent twice in a row. ``LinkClosed`` after
-        ``close``.
+        What becomes of it on its way is said in ``protocol.lanes``. ``LinkClosed`` after ``close``.
         """
         chosen = lane(key, self._waits and self._said.get(key) == payload)
         self._said[key] = payload

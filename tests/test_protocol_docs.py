@@ -16,7 +16,9 @@ import encircle
 from encircle.launch import free_endpoint
 from protocol import VERSION
 from protocol.codec import BYTES_MAX
+from protocol.lanes import GATE, ROOM, ROUND, SHOWN, SURE
 from protocol.lockstep import TABLE, Move, Phase
+from protocol.security import configuration_file
 
 PAGE = (Path(__file__).parents[1] / "docs" / "protocol.md").read_text(encoding="utf-8")
 END_S_MAX = 60.0
@@ -60,6 +62,13 @@ def test_the_table_of_a_round_is_the_codes():
         if after
     }
     assert printed == TABLE
+
+
+def test_the_rules_on_lanes_are_those_of_the_code():
+    printed = json.loads(re.search(r"```json\n(.*?)```", section("Session"), re.DOTALL)[1])
+    assert printed == json.loads(configuration_file(ROOM | GATE))
+    rows = re.findall(r"^\| (\w+) \|[^|]*\| `(\w+)` \|", section("Session"), re.MULTILINE)
+    assert rows == [("round", ROUND), ("sure", SURE), ("shown", SHOWN)]
 
 
 def test_the_round_in_bytes_is_what_its_program_prints(capsys):
