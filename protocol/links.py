@@ -34,7 +34,7 @@ class Link(Protocol):
         """
 
     def never_wait(self) -> None:
-        """From now on drop rather than wait, also what is sent again, but no ``setup`` or ``end``."""
+        """From now on drop rather than wait, what is sent again as well, but no setup or end."""
 
     def close(self) -> None:
         """Close the link and wake whoever waits in ``receive``. May be called twice."""
