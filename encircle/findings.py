@@ -6,6 +6,7 @@ runs of its method in scenarios of ours, not of its own.
 """
 
 from dataclasses import dataclass
+from enum import StrEnum
 from math import degrees, hypot, remainder, tau
 from pathlib import Path
 from typing import Any
@@ -25,11 +26,29 @@ RIGHT_DEG_MAX = 45.0
 CAUGHT_UP_M = 0.5
 
 
+class Holds(StrEnum):
+    """Whether a claim of the paper is so here.
+
+    What is said of many runs is undecided unless an interval decides; of a single run it is so or
+    it is not.
+    """
+
+    YES = "yes"
+    NO = "no"
+    UNDECIDED = "undecided"
+    NO_CLAIM = "no claim"
+
+
+def fact(so: bool) -> Holds:
+    """What a single run shows, or a count of runs."""
+    return Holds.YES if so else Holds.NO
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing found. ``holds``: whether a claim of the paper is so here, None for no claim."""
+    """One thing found."""
 
-    holds: bool | None
+    holds: Holds
     text: str
 
 
@@ -85,7 +104,7 @@ def _kind(name: str) -> str:
 
 def capture_finding(tracks: Tracks) -> Finding:
     """Whether and when the target was captured."""
-    return Finding(tracks.captured, tracks.outcome)
+    return Finding(fact(tracks.captured), tracks.outcome)
 
 
 def solid_finding(facts: dict[str, Any]) -> Finding:
@@ -94,9 +113,9 @@ def solid_finding(facts: dict[str, Any]) -> Finding:
     gap_m, pair = facts["least_gap_m"], " and ".join(facts["least_gap_pair"])
     which = f"{pair} at tick {facts['least_gap_tick']}; ticks with contact: {touched}"
     if gap_m < 0.0:
-        return Finding(False, f"bodies overlapped by {-1000.0 * gap_m:.3f} mm: {which}")
+        return Finding(Holds.NO, f"bodies overlapped by {-1000.0 * gap_m:.3f} mm: {which}")
     return Finding(
-        None, f"no bodies overlapped: least free distance {1000 * gap_m:.3f} mm, {which}"
+        Holds.NO_CLAIM, f"no bodies overlapped: least free distance {1000 * gap_m:.3f} mm, {which}"
     )
 
 
@@ -108,7 +127,7 @@ def simulation_1(
     detecting = facts["detecting_at_start"]
     only = f"only {detecting[0]}" if len(detecting) == 1 else ", ".join(detecting) or "no robot"
     findings = [
-        Finding(detecting == ["r1"], f"at the start {only} detects the target"),
+        Finding(fact(detecting == ["r1"]), f"at the start {only} detects the target"),
         *_turn(tracks, seen, facts),
         capture_finding(tracks),
         solid_finding(facts),
@@ -128,7 +147,7 @@ def _turn(tracks: Tracks, seen: int | None, facts: dict[str, Any]) -> list[Findi
     """Where the target runs until it detects r3, and how it turns then."""
     facts["target_detects_r3_tick"] = seen
     if not seen:
-        return [Finding(False, "the target does not come upon r3: there is no turn to measure")]
+        return [Finding(Holds.NO, "the target does not come upon r3: there is no turn to measure")]
     run_x, run_y = (tracks.target[tracks.row(seen)] - tracks.target[0]).tolist()
     heading = degrees(float(np.arctan2(run_y, run_x)))
     # The step from tick `seen` is the first that can take r3 into account.
@@ -145,12 +164,12 @@ def _turn(tracks: Tracks, seen: int | None, facts: dict[str, Any]) -> list[Findi
     )
     return [
         Finding(
-            abs(heading) <= RIGHT_DEG_MAX,
+            fact(abs(heading) <= RIGHT_DEG_MAX),
             f"until it detects r3 the target runs {hypot(run_x, run_y):.1f} m towards"
             f" {heading:+.0f} deg (0 is right)",
         ),
         Finding(
-            abs(turn) >= TURN_DEG_MIN,
+            fact(abs(turn) >= TURN_DEG_MIN),
             f"it detects r3 at tick {seen} and turns {turn:+.0f} deg in {TURN_TICKS} ticks,"
             f" {at_once:+.0f} of them at once; in as many ticks before: {drift:+.0f} deg"
             + (f"; by then it also detects {', '.join(also)}" if also else ""),
@@ -171,12 +190,12 @@ def simulation_2(
     findings = (
         capture_finding(tracks),
         Finding(
-            not any(touched.values()),
+            fact(not any(touched.values())),
             f"no collision: robots touched one another at {touched['robot-robot']} ticks and"
             f" obstacles at {touched['obstacle-robot']}, nearest {nearest_m:.2f} m",
         ),
         Finding(
-            shared == 0,
+            fact(shared == 0),
             f"encirclement points are coordinated: at {shared} of {ticks} ticks with two or more"
             " robots encircling did two of them make for the same point",
         ),
@@ -206,14 +225,14 @@ def simulation_3(
     other = undisturbed.outcome
     facts.update(moved_tick=moved, moved_m=far_m, caught_up_tick=caught_up, same_until_moved=same)
     findings = (
-        Finding(same, f"as simulation 1 up to tick {moved - 1}, position by position"),
+        Finding(fact(same), f"as simulation 1 up to tick {moved - 1}, position by position"),
         Finding(
-            None,
+            Holds.NO_CLAIM,
             f"at tick {moved} the target is moved by {far_m:.1f} m: the farthest robot was"
             f" {before_m:.1f} m from it and is now {after_m:.1f} m",
         ),
         Finding(
-            caught_up is not None,
+            fact(caught_up is not None),
             "the robots adjust: "
             + (
                 f"all estimates are within {CAUGHT_UP_M} m of the target at tick {caught_up}"
@@ -222,7 +241,7 @@ def simulation_3(
             ),
         ),
         Finding(
-            tracks.captured,
+            fact(tracks.captured),
             f"{tracks.outcome}, {tracks.last_tick - moved} ticks after the move"
             f" (undisturbed: {other})",
         ),

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from encircle.comparisons import Decision, rate_difference
 from encircle.execution_times import (
     HELD_M,
     JITTER_M,
-    MIDDLE_HALF,
     NOISE_M_STD,
     POLICIES,
     SLOW_STEP_M,
@@ -26,13 +26,17 @@ from encircle.execution_times import (
     X_OF_R3_M,
     Estimate,
     ExecutionTimes,
-    capture_rates,
+    captures,
     execution_times,
+    numbers,
+    rate,
 )
 from encircle.figures import TimeCurve, draw_execution_times, draw_trajectories
 from encircle.findings import (
     Finding,
+    Holds,
     Simulation,
+    fact,
     recorded,
     simulation_1,
     simulation_2,
@@ -45,6 +49,12 @@ from world.run_directory import create, versions
 
 RANDOM_STARTS = 200
 COLUMNS = 98
+CLAIMED = {
+    Decision.HIGHER: Holds.YES,
+    Decision.LOWER: Holds.NO,
+    Decision.UNDECIDED: Holds.UNDECIDED,
+}
+MARKS = {Holds.YES: "yes", Holds.NO: "NO", Holds.UNDECIDED: "undecided", Holds.NO_CLAIM: ""}
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,15 +88,15 @@ class Report:
         """The report for a terminal, at most 100 columns wide."""
         lines = [
             f"The paper's simulations 1 to 5; {self.seeds} paired seeds in 5 ({self.wall_s:.0f} s)",
-            "yes: as the paper says; NO: not so here; without a mark: measured beside it.",
+            "yes: as the paper says; NO: not so here; undecided: these runs do not tell it.",
+            "Without a mark: measured beside it. What is said of many runs goes by 95 % intervals.",
             "Starts, obstacles and the target's behaviour are not in the paper; they are ours.",
         ]
         for simulation in self.simulations:
             lines += ["", f"{simulation.facts['title']}  ({simulation.figure.name})"]
-            lines += _wrapped("paper ", simulation.paper)
+            lines += _wrapped(f"{'paper':>9} ", simulation.paper)
             for finding in simulation.findings:
-                mark = {True: "yes", False: "NO", None: ""}[finding.holds]
-                lines += _wrapped(f"{mark:>5} ", finding.text)
+                lines += _wrapped(f"{MARKS[finding.holds]:>9} ", finding.text)
             lines += [f"  {line}" for line in simulation.table]
         return "\n".join(lines)
 
@@ -127,32 +137,35 @@ def reproduce(
 def _simulation_4(
     out: Path, recording: Recording, tracks: Tracks, facts: dict[str, Any], runs: int
 ) -> Simulation:
-    rates = capture_rates(runs)
-    facts["capture_rates"] = {name: rate._asdict() for name, rate in rates.items()}
+    captured = captures(runs)
+    rates = {name: rate(flags) for name, flags in captured.items()}
+    slower = rate_difference(captured["fast"], captured["slow"])
+    facts["capture_rates"] = {name: found._asdict() for name, found in rates.items()}
+    facts["slow_minus_fast"] = {**slower.mean._asdict(), "p": slower.p}
     target, team = tracks.scenario.target, tracks.scenario.team
     faster = 100.0 * (target.step_m_max / team.step_m_max - 1.0)
     fast, slow, near = rates["fast"], rates["slow"], rates["near"]
     low_m, high_m = team.placement.distance_m_min, team.placement.distance_m_max
     findings = (
         Finding(
-            tracks.captured,
+            fact(tracks.captured),
             f"target {faster:.0f} % faster than the robots, from one chosen start:"
             f" {tracks.outcome}",
         ),
         Finding(
-            None,
+            Holds.NO_CLAIM,
             f"from that start, every robot moved by up to {JITTER_M} m per axis: captured (within"
             f" {tracks.scenario.ticks_max} ticks) {near}",
         ),
         Finding(
-            None,
+            Holds.NO_CLAIM,
             f"from random starts {low_m:g} to {high_m:g} m away: captured {fast}"
             + ("; most fail, so that success hangs on the start" if fast.high < 0.5 else ""),
         ),
         Finding(
-            slow.low > fast.high,
+            CLAIMED[slower.decision_alone],
             "the faster the target, the likelier it escapes: from the same random starts at a step"
-            f" of {SLOW_STEP_M} m captured {slow}",
+            f" of {SLOW_STEP_M} m captured {slow}; {slower.mean.signed(100.0)} points, by start",
         ),
         solid_finding(facts),
     )
@@ -179,11 +192,11 @@ def _simulation_5(
         )
         for policy, label in enumerate(POLICIES.values())
     ]
-    facts["execution_times"] = _numbers(times, exact)
+    facts["execution_times"] = numbers(times, exact)
     findings = (
-        Finding(bool(times.captured.all()), _fulfilled(times)),
+        Finding(fact(bool(times.captured.all())), _fulfilled(times)),
         *_fastest(times, exact),
-        Finding(None, f"the scenario as shipped, xi*: {tracks.outcome}"),
+        Finding(Holds.NO_CLAIM, f"the scenario as shipped, xi*: {tracks.outcome}"),
         solid_finding(facts),
     )
     paper = (
@@ -210,14 +223,14 @@ def _fulfilled(times: ExecutionTimes) -> str:
 def _fastest(times: ExecutionTimes, exact: ExecutionTimes) -> list[Finding]:
     """Whether xi* is fastest: in all, against each other policy, and in single exact runs."""
     others = [(policy, label) for policy, label in enumerate(POLICIES.values()) if policy != STAR]
-    typical = [times.difference(policy, MIDDLE_HALF) for policy, _ in others]
-    mean = [times.difference(policy, 0.0) for policy, _ in others]
+    typical = [times.difference(policy) for policy, _ in others]
+    mean = [times.difference_mean(policy) for policy, _ in others]
     details = []
     for (policy, label), usual, whole in zip(others, typical, mean, strict=True):
         earlier, later, level = times.order(policy)
         details.append(
             Finding(
-                None,
+                Holds.NO_CLAIM,
                 f"{label} minus xi*, in ticks: typical {usual:+}, mean {whole:+};"
                 f" xi* is earlier in {earlier} pairs, later in {later}, level in {level}",
             )
@@ -226,11 +239,11 @@ def _fastest(times: ExecutionTimes, exact: ExecutionTimes) -> list[Finding]:
     best = ticks == ticks.min(axis=1)[:, None]
     alone = best[:, STAR] & (best.sum(axis=1) == 1)
     return [
-        _shorter("typical", times.overall(STAR, MIDDLE_HALF).mean, typical),
-        _shorter("mean", times.overall(STAR, 0.0).mean, mean),
+        _shorter("typical", times.overall(STAR).mean, typical),
+        _shorter("mean", times.overall_mean(STAR).mean, mean),
         *details,
         Finding(
-            None,
+            Holds.NO_CLAIM,
             "one run per start without noise, as in Fig. 7: xi* is fastest at"
             f" {best[:, STAR].sum()} of {len(ticks)} starts, alone at {alone.sum()};"
             f" {(~exact.captured).sum()} of {exact.captured.size} runs do not capture",
@@ -240,12 +253,17 @@ def _fastest(times: ExecutionTimes, exact: ExecutionTimes) -> list[Finding]:
 
 def _shorter(name: str, star_ticks: float, differences: Sequence[Estimate]) -> Finding:
     """Whether every other policy takes longer than xi*, by one kind of execution time."""
-    shown = sum(d.low > 0.0 for d in differences)
+    longer, shorter = (
+        sum(d.low > 0.0 for d in differences),
+        sum(d.high < 0.0 for d in differences),
+    )
     sizes = ", ".join(f"{100.0 * d.mean / star_ticks:+.1f} %" for d in differences)
+    holds = fact(not shorter) if shorter or longer == len(differences) else Holds.UNDECIDED
     return Finding(
-        shown == len(differences),
-        f"by the {name} execution time xi* is shorter than {shown} of the {len(differences)} others"
-        f", by intervals of 95 % each; they differ from its {star_ticks:.1f} ticks by {sizes}",
+        holds,
+        f"by the {name} execution time xi* is decidedly shorter than {longer} of the"
+        f" {len(differences)} others and longer than {shorter}, by intervals of 95 % for all three"
+        f" together; they differ from its {star_ticks:.1f} ticks by {sizes}",
     )
 
 
@@ -258,42 +276,16 @@ def _table(times: ExecutionTimes) -> tuple[str, ...]:
         missed = times.missed[place].tolist()
         marks = [f" ({n})" if n else "" for n in missed]
         rows.append((f"{times.x_m[place]:.1f}", [c + m for c, m in zip(cells, marks, strict=True)]))
-    rows.append(("all", [f"{times.overall(policy, MIDDLE_HALF)}" for policy in policies]))
-    rows.append(("mean", [f"{times.overall(policy, 0.0)}" for policy in policies]))
+    rows.append(("all", [f"{times.overall(policy)}" for policy in policies]))
+    rows.append(("mean", [f"{times.overall_mean(policy)}" for policy in policies]))
     lines = [f"{lead:>6}  " + "".join(f"{c:<22}" for c in cells).rstrip() for lead, cells in rows]
     return (
         "Typical execution time in ticks (mean of the middle half) [95 %];",
         f"(n): n runs without capture in {times.ticks_max} ticks; mean: these counted as"
         f" {times.ticks_max}, a lower bound.",
+        "Intervals of means allow for runs without capture that the seeds do not show.",
         *lines,
     )
-
-
-def _numbers(times: ExecutionTimes, exact: ExecutionTimes) -> dict[str, Any]:
-    """Everything behind figure and table, for JSON."""
-    return {
-        "x_m": list(times.x_m),
-        "ticks_max": times.ticks_max,
-        "jitter_m": JITTER_M,
-        "noise_m_std": NOISE_M_STD,
-        "policies": {
-            name: {
-                "captured": int(times.captured[:, policy].sum()),
-                "runs": int(times.captured[:, policy].size),
-                "farthest_m": times.farthest_m[:, policy].tolist(),
-                "typical_ticks": times.overall(policy, MIDDLE_HALF)._asdict(),
-                "mean_ticks_at_least": times.overall(policy, 0.0)._asdict(),
-                "minus_xi_star_typical": times.difference(policy, MIDDLE_HALF)._asdict(),
-                "minus_xi_star_mean": times.difference(policy, 0.0)._asdict(),
-                "xi_star_earlier_later_level": times.order(policy),
-                "ticks": times.ticks[:, policy].tolist(),
-                "captured_runs": times.captured[:, policy].tolist(),
-                "exact_ticks": exact.ticks[:, policy, 0].tolist(),
-                "exact_captured": exact.captured[:, policy, 0].tolist(),
-            }
-            for policy, name in enumerate(POLICIES)
-        },
-    }
 
 
 def _wrapped(lead: str, text: str) -> list[str]:

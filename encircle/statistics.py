@@ -43,6 +43,11 @@ class Interval(NamedTuple):
         value, low, high = (format(number, spec or ".3g") for number in self)
         return f"{value} [{low}, {high}]"
 
+    def signed(self, scale: float = 1.0) -> str:
+        """``-2.1 [-8.3, +4.1]``, or the value alone if it has no bounds."""
+        value, low, high = (scale * bound for bound in self)
+        return f"{value:+.3g}" if np.isnan(low) else f"{value:+.3g} [{low:+.3g}, {high:+.3g}]"
+
 
 class Survival(NamedTuple):
     """Share of runs whose target is still free after each tick at which some run ended.

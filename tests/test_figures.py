@@ -235,12 +235,14 @@ def test_execution_times_are_those_of_the_table(shown, tmp_path):
     assert legend_of(figure) == ["one", "other"]
     assert below.get_xlabel() == "initial x of R3 (m)"
     assert [axes.get_ylabel() for axes in figure.axes] == ["execution time (ticks)"] * 2
-    for axes, rows in ((above, (mean, mean + 2.0)), (below, (mean + 1.0, mean + 4.0))):
-        for bars, row in zip(axes.containers, rows, strict=True):
-            np.testing.assert_allclose(bars.lines[0].get_ydata(), row[:, 0])
-            np.testing.assert_allclose(bars.lines[0].get_xdata(), (7.0, 9.0), atol=0.5)
-            spans = [s[:, 1].tolist() for s in bars.lines[2][0].get_segments()]
-            np.testing.assert_allclose(spans, row[:, 1:])
+    for bars, row in zip(above.containers, (mean, mean + 2.0), strict=True):
+        np.testing.assert_allclose(bars.lines[0].get_ydata(), row[:, 0])
+        np.testing.assert_allclose(bars.lines[0].get_xdata(), (7.0, 9.0), atol=0.5)
+        spans = [s[:, 1].tolist() for s in bars.lines[2][0].get_segments()]
+        np.testing.assert_allclose(spans, row[:, 1:])
+    for line, row in zip(below.lines, (mean + 1.0, mean + 4.0), strict=True):
+        np.testing.assert_allclose(line.get_ydata(), row[:, 0])
+    assert f"reach up to {(mean + 4.0)[:, 2].max():.0f} ticks" in below.get_title()
     assert [t.get_text() for t in below.texts] == ["3"]
     assert not above.texts
 

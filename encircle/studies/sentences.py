@@ -195,7 +195,7 @@ def _difference(plan: Plan, one: Comparison | Overall, where: str) -> str:
 def _claim(what: str, test: Difference, scale: float, unit: str) -> str:
     """What is decided of a difference, with its interval and both p."""
     word = "the same with every seed" if test.ties == test.pairs else str(test.decision)
-    return f"{what} {word}{_alone(test)} ({signed(test.mean, scale)} {unit}{_p(test)})"
+    return f"{what} {word}{_alone(test)} ({test.mean.signed(scale)} {unit}{_p(test)})"
 
 
 def settings_text(plan: Plan, ones: Sequence[Comparison]) -> str:
@@ -245,7 +245,7 @@ def _order(test: Difference) -> str:
     """Whether one level captures later in more seeds than it does earlier."""
     word = WORDS["order"].get(test.decision, "captured later or earlier undecided")
     counts = f"later in {test.worse}, earlier in {test.better} of {test.pairs}"
-    return f"{word}{_alone(test)} ({counts}, {signed(test.mean, 100.0)} points{_p(test)})"
+    return f"{word}{_alone(test)} ({counts}, {test.mean.signed(100.0)} points{_p(test)})"
 
 
 def _alone(test: Difference) -> str:
@@ -264,12 +264,6 @@ def _p(test: Difference) -> str:
 def p_text(p: float) -> str:
     """``< 0.001``, or three digits after the point."""
     return "< 0.001" if p < 0.001 else f"{p:.3f}"
-
-
-def signed(interval: Interval, scale: float) -> str:
-    """``-2.1 [-8.3, +4.1]``, or the value alone if it has no bounds."""
-    value, low, high = (scale * bound for bound in interval)
-    return f"{value:+.3g}" if np.isnan(low) else f"{value:+.3g} [{low:+.3g}, {high:+.3g}]"
 
 
 def _at(plan: Plan, others: Mapping[str, Any]) -> str:
