@@ -53,8 +53,8 @@ FROM = "Capture is at or above 90 % at strategy xi-0 from"
         ((0.5, 0.45, 0.55), f"{UP_TO} packet loss 50 % [45, 55]."),
         ((0.0, -inf, 0.13), f"{UP_TO} packet loss 0 % [below 0, 13]."),
         ((nan, -inf, 0.0), f"{BELOW}."),
-        ((nan, -inf, 0.33), f"{BELOW}, surely from 33 % on."),
-        ((nan, -inf, inf), f"{BELOW}, surely at no level tried."),
+        ((nan, -inf, 0.33), f"{BELOW}, surely below from 33 % on."),
+        ((nan, -inf, inf), f"{BELOW}, surely below at no level tried."),
         ((0.5, 0.45, 0.55, True), f"{FROM} packet loss 50 % [45, 55] on."),
         ((0.5, -inf, inf, True), f"{FROM} packet loss 50 % [below 0, beyond 80] on."),
         ((0.8, 0.7, inf, True), f"{FROM} packet loss 80 % [70, beyond 80] on."),
@@ -77,10 +77,21 @@ def test_a_bound_that_is_infinite_is_never_called_sure_of_a_level():
                         continue
                     sentence = tolerance(value, low, high, rising)
                     assert not re.search(r"\b(nan|inf)\b", sentence)
-                    sure = re.search(r"surely (?:up to|from) (\d+)", sentence)
+                    sure = re.search(r"surely (?:up to|below from) (\d+)", sentence)
                     if sure:
                         bound = high if value != value else low
                         assert float(sure[1]) == pytest.approx(100 * bound)
+
+
+def test_settings_together_are_no_surer_than_each():
+    levels = [(0.8, -inf, inf), (nan, -inf, inf), (nan, -inf, 0.0), (0.5, 0.4, 0.6)]
+    ones = [Tolerated("loss", AT, Interval(*level), False) for level in levels]
+    (sentence,) = told(tolerated=ones)
+    assert "up to 80 %, the largest tried, surely at no level tried;" in sentence
+    assert "not even at the first level, surely below at no level tried;" in sentence
+    assert "not even at the first level;" in sentence
+    (sentence,) = told(tolerated=ones * 2)
+    assert "up to between 50 and 80 % in 4, surely at no level in 2, not even" in sentence
 
 
 def difference(mean, p=1.0, p_corrected=1.0, ties=0, pairs=20, effect=nan):
@@ -123,7 +134,8 @@ def test_a_decision_is_never_against_its_own_p_or_interval():
             for sentence in sentence_of(difference(mean, p_corrected / 3, p_corrected)):
                 claimed = re.findall(r"\b(higher|lower|in more seeds)\b", sentence)
                 decided = p_corrected <= 0.05 and (low > 0 or high < 0)
-                assert len(claimed) == (3 if decided else 0)
+                # Once for the mean over the settings, once for the one setting that there is.
+                assert len(claimed) == (6 if decided else 0)
 
 
 @pytest.mark.parametrize("truth", [never, always, loss_only])

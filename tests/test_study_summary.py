@@ -6,7 +6,7 @@ import pytest
 from helpers_studies import ARMS, DELAY, LOSS, filled, loss_only, never, study_plan
 from scipy import stats
 
-from encircle.studies.comparisons_csv import write_comparisons
+from encircle.studies.csv_files import write_cells, write_comparisons
 from encircle.studies.plan import STRATEGY
 from encircle.studies.sentences import findings, verdict, where_text
 from encircle.studies.summary import CLAIMS, baseline_of, rows_along, summarise
@@ -144,7 +144,7 @@ def test_the_baseline_is_the_plans_or_the_first():
 
 def test_summary_csv_has_every_number_of_every_cell(tmp_path, two):
     _, _, summary = two
-    summary.write_csv(tmp_path / "summary.csv")
+    write_cells(summary, tmp_path / "summary.csv")
     with open(tmp_path / "summary.csv", encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
     assert len(lines) == len(summary.cells)
@@ -252,7 +252,7 @@ def test_comparisons_csv_has_both_p_of_every_test(tmp_path, two):
         assert (line["strategy"], line["baseline"], line["pairs"]) == ("xi-0", "xi-star", "60")
         for name, test in (
             ("capture_rate", one.rate),
-            ("later_share", one.order),
+            ("later_less_earlier", one.order),
             ("time_s_restricted", one.time_s),
         ):
             ends = ("difference", "low", "high", "p", "p_corrected")

@@ -7,7 +7,7 @@ with a row of a table for each setting instead of a sentence. What is long is fo
 from collections.abc import Sequence
 
 from encircle.studies import page
-from encircle.studies.comparisons_csv import COMPARISONS
+from encircle.studies.csv_files import COMPARISONS
 from encircle.studies.report_tables import cut_text, interval_text, many, tested_text
 from encircle.studies.sentences import (
     by_axis,

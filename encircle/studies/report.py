@@ -13,11 +13,11 @@ from encircle.comparisons import ALPHA
 from encircle.statistics import CONFIDENCE, RESAMPLES
 from encircle.studies import page
 from encircle.studies.charts import FIGURES, Chart, write_charts
-from encircle.studies.comparisons_csv import COMPARISONS, write_comparisons
+from encircle.studies.csv_files import CELLS, COMPARISONS, write_cells, write_comparisons
 from encircle.studies.failures import failures
 from encircle.studies.findings_tables import findings_of
 from encircle.studies.plan import Plan
-from encircle.studies.report_tables import CSV, many, measures, tables
+from encircle.studies.report_tables import many, measures, tables
 from encircle.studies.summary import Summary, summarise
 from encircle.studies.table import OWNER, TABLE, StudyTable
 from encircle.studies.words import axis_rows, set_up
@@ -35,7 +35,7 @@ def write_report(
     summary: Summary | None = None,
     date: str = "",
 ) -> Path:
-    """Write ``report.html``, ``summary.csv`` and the figures; returns the path of the page.
+    """Write ``report.html``, the CSV files and the figures; returns the path of the page.
 
     ``table`` must be complete, or have failed runs in place of what is missing: of those the page
     tells, and if there is no seed without one, of little else. ``command`` is what repeats the
@@ -46,7 +46,7 @@ def write_report(
     content = [*_opening(plan, date), *failures(plan, table)]
     if table.whole_seeds:
         summary = summary or summarise(plan, table)
-        summary.write_csv(directory / CSV)
+        write_cells(summary, directory / CELLS)
         if summary.comparisons:
             write_comparisons(summary, directory / COMPARISONS)
         charts = write_charts(summary, directory)
@@ -194,7 +194,7 @@ def _again(plan: Plan, table: StudyTable, command: str, compared: bool) -> list[
         ("Digest of the code", row["code"]),
         ("Versions", ", ".join(f"{name} {version}" for name, version in versions.items())),
         ("Every run", f"{TABLE}, one row each with its seed and digest"),
-        ("Every cell", CSV),
+        ("Every cell", CELLS),
         *([("Every comparison", COMPARISONS)] if compared else []),
     ]
     told = "This command repeats all runs; where they are done already it only reads them."

@@ -12,7 +12,7 @@ from encircle.comparisons import Difference, holm
 from encircle.measures import MEASURES
 from encircle.statistics import Interval
 from encircle.studies import page
-from encircle.studies.comparisons_csv import COMPARISONS
+from encircle.studies.csv_files import CELLS, COMPARISONS
 from encircle.studies.plan import DELIVERED, Axis, Plan
 from encircle.studies.sentences import (
     axis_of,
@@ -25,7 +25,6 @@ from encircle.studies.sentences import (
 from encircle.studies.summary import Cell, Comparison, Summary, Tolerated
 from encircle.studies.views import label, varied
 
-CSV = "summary.csv"
 ROWS_MAX, MEASURED_ROWS_MAX = 1000, 200
 SIDE_BY_SIDE_MAX = 4
 NONE = "\N{EN DASH}"
@@ -52,7 +51,7 @@ def tables(summary: Summary) -> list[str]:
         )
         for cell in summary.cells[:ROWS_MAX]
     ]
-    caption = "Cells, with 95 % intervals" + cut_text(len(summary.cells), ROWS_MAX)
+    caption = "Cells, with 95 % intervals" + cut_text(len(summary.cells), ROWS_MAX, CELLS)
     found = [page.heading("Tables"), page.table(caption, head, rows, max(1, len(axes)))]
     if summary.comparisons:
         told = f"All numbers of {many(len(summary.comparisons), 'comparison')}"
@@ -183,7 +182,7 @@ def _measured(summary: Summary, name: str) -> str:
     ]
     head = [*(axis.title for axis in plan.all_axes), f"Mean{unit}"]
     caption = f"{name}: {measure.description} Means over runs, with 95 % intervals"
-    caption += cut_text(len(summary.cells), MEASURED_ROWS_MAX)
+    caption += cut_text(len(summary.cells), MEASURED_ROWS_MAX, CELLS)
     return page.folded(f"{name}{unit}", [page.table(caption, head, rows, len(plan.all_axes))])
 
 
@@ -222,6 +221,7 @@ def many(count: int, what: str) -> str:
     return f"{count} {what}{'s' * (count != 1)}"
 
 
-def cut_text(count: int, most: int, file: str = CSV) -> str:
-    """What is said of a table whose rows are more than are shown."""
-    return f"; the first {most} of {count}, all in {file}" if count > most else ""
+def cut_text(count: int, most: int, file: str = "") -> str:
+    """What is said of a table whose rows are more than are shown, and where they all are."""
+    all_in = f", all in {file}" if file else ""
+    return f"; the first {most} of {count}{all_in}" if count > most else ""

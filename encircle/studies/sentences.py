@@ -101,7 +101,7 @@ def tolerance_text(plan: Plan, ones: Sequence[Tolerated]) -> str:
 def _held(axis: Axis, one: Tolerated) -> str:
     value, low, high = one.level
     if np.isnan(value):
-        return "not even at the first level"
+        return f"not even at the first level{_sure_below(axis, high)}"
     if one.rising:
         return f"from {_place(axis, value)} on {bounds_text(axis, one.level)}"
     if value >= axis.shown_values[-1] and np.isinf(high):
@@ -121,6 +121,8 @@ def _span(axis: Axis, ones: Sequence[Tolerated]) -> str:
         low, high = (place_text(axis, value) for value in (falling[0], falling[-1]))
         ends = high if low == high else f"between {low} and {high}"
         parts.append(f"up to {ends} {axis.unit}".rstrip() + f" in {len(falling)}")
+    if unsure := sum(np.isneginf(one.level.low) and np.isfinite(one.level.value) for one in ones):
+        parts.append(f"surely at no level in {unsure}")
     parts += [f"from a level on in {rising}"] if rising else []
     parts += [f"not even at the first level in {failing}"] if failing else []
     return ", ".join(parts)
@@ -139,8 +141,8 @@ def _tolerance(plan: Plan, one: Tolerated) -> str:
     first, last = axis.shown_values[0], axis.shown_values[-1]
     where = f"{_label(axis)} {_place(axis, value)} {bounds_text(axis, one.level)}"
     if np.isnan(value):
-        sure = "" if high <= first else _sure(axis, "from", high, " on")
-        return f"Capture is below {rate}{at} even at {_label(axis)} {_place(axis, first)}{sure}."
+        even = f"{_label(axis)} {_place(axis, first)}{_sure_below(axis, high)}"
+        return f"Capture is below {rate}{at} even at {even}."
     if one.rising:
         return f"Capture is at or above {rate}{at} from {where} on."
     holds = f"Capture stays at or above {rate}{at} up to"
@@ -159,14 +161,21 @@ def bounds_text(axis: Axis, level: Interval) -> str:
 
 
 def _sure_up_to(axis: Axis, low: float) -> str:
-    return "" if low >= axis.shown_values[-1] else _sure(axis, "up to", low, "")
-
-
-def _sure(axis: Axis, before: str, level: float, after: str) -> str:
-    """Up to or from which level a claim is sure; a bound that is infinite is none of them."""
-    if np.isinf(level):
+    """Up to which level capture surely holds, if not up to the last; none if no bound says so."""
+    if low >= axis.shown_values[-1]:
+        return ""
+    if np.isinf(low):
         return ", surely at no level tried"
-    return f", surely {before} {_place(axis, level)}{after}"
+    return f", surely up to {_place(axis, low)}"
+
+
+def _sure_below(axis: Axis, high: float) -> str:
+    """From which level on capture is surely below, if not from the first."""
+    if high <= axis.shown_values[0]:
+        return ""
+    if np.isinf(high):
+        return ", surely below at no level tried"
+    return f", surely below from {_place(axis, high)} on"
 
 
 def _comparison(plan: Plan, one: Comparison) -> str:

@@ -4,12 +4,10 @@ Statistics are ``encircle.statistics``'s. Cells are read from the table one at a
 columns needed, so a summary takes no more memory for a long table than for a short one.
 """
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -223,27 +221,6 @@ class Summary:
                 held, rising = _held(levels, self.captured[list(row)], self.plan.tolerated_rate)
                 found.append(Tolerated(axis.name, others, held, rising))
         return tuple(found)
-
-    def write_csv(self, path: Path) -> None:
-        """One line per cell: levels, rate, time and means of measures, each with its interval."""
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            names = [axis.name for axis in self.plan.all_axes]
-            measured = list(self.cells[0].means)
-            spread = [
-                f"{name}{end}"
-                for name in ("capture_rate", "time_s_restricted", *measured)
-                for end in ("", "_low", "_high")
-            ]
-            delay = ["delay_model", "delay_s_mean_asked"]
-            writer.writerow(["cell", *names, "runs", *spread, "median_s", *delay])
-            for cell, tick_s in zip(self.cells, self.tick_s, strict=True):
-                intervals = (cell.rate, cell.time_s, *(cell.means[name] for name in measured))
-                numbers = [f"{v:.10g}" for interval in intervals for v in interval]
-                levels = [cell.levels[name] for name in names]
-                median_s = f"{cell.survival.median * tick_s:.10g}"
-                delay = [cell.delay.model, f"{cell.delay.s_mean:.10g}"]
-                writer.writerow([cell.cell, *levels, cell.runs, *numbers, median_s, *delay])
 
 
 def _held(levels: list[float], captured: NDArray[np.bool_], rate: float) -> tuple[Interval, bool]:
