@@ -264,6 +264,27 @@ def test_a_frozen_robot_ends_it_with_a_line(tmp_path):
     assert all(p.poll() is not None for p in processes)
 
 
+def test_an_observation_that_is_lost_is_asked_again(monkeypatch):
+    from encircle.studies import session
+    from world.engine import build
+
+    lost = []
+
+    class Lossy(session.ZenohLink):
+        def send(self, key, payload):
+            if key.endswith("r2/observation") and not lost:
+                lost.append(key)
+            else:
+                super().send(key, payload)
+
+    monkeypatch.setattr(session, "ZenohLink", Lossy)
+    plan = encircle.study(tree(ticks=5)).plan
+    with session.Session(("r1", "r2", "r3", "r4")) as made:
+        log, _ = made.hunt(build(plan.scenario_of(3), 1))
+    assert len(lost) == 1
+    assert log.ticks == 5
+
+
 class Cluster:
     """A dask scheduler and workers of our own, on loopback."""
 

@@ -6,6 +6,7 @@ the observations to fresh brains, since what robots believe does not travel. Wha
 robots are ended: they go by themselves when the world is gone, and are made to if they do not.
 """
 
+import contextlib
 import json
 import os
 import secrets
@@ -25,6 +26,7 @@ from encircle.studies.sources import versions
 from encircle.studies.work import FAILED, Row, Task, failed_row, row, run_seed
 from encircle.studies.workers import StudyFailed
 from protocol.access import Access
+from protocol.errors import LinkClosed
 from protocol.keys import robot_key, world_key
 from protocol.log import bounded_log
 from protocol.options import without_settings
@@ -33,7 +35,7 @@ from protocol.zenoh_link import LinkError, ZenohLink
 from world.core import WorldCore
 from world.engine import Arena, build
 from world.scenario import Scenario, ScenarioError, load
-from world.server import ANSWER_S_MAX, JOIN_S_MAX, run_rounds
+from world.server import ANSWER_S_MAX, ASK_AGAIN_S, JOIN_S_MAX, run_rounds
 from world.server import FAILED as ENDED_AS_FAILED
 from world.telling import send
 
@@ -176,16 +178,23 @@ class Session:
             self._trouble = self._trouble or f"robot {robot} is gone"
 
     def _watch(self) -> None:
-        """Close the link, and so end the run under way, when a robot is gone or does not answer."""
-        core, tick, since_s = None, -1, time.monotonic()
+        """Close the link, and so end the run under way, when a robot is gone or does not answer.
+
+        What it has not answered is asked again first: it may have found no room.
+        """
+        core, tick, since_s, again_s = None, -1, time.monotonic(), ASK_AGAIN_S
         while not self._closed.wait(WATCH_PERIOD_S):
             now = self._core
             if now is not core or now is None or now.state.tick != tick:
-                core, since_s = now, time.monotonic()
+                core, since_s, again_s = now, time.monotonic(), ASK_AGAIN_S
                 tick = now.state.tick if now is not None else -1
             elif time.monotonic() - since_s > ANSWER_S_MAX:
                 names = ", ".join(now.table.waiting())
                 self._trouble = f"no answer from {names} for {ANSWER_S_MAX:g} s at tick {tick}"
+            elif time.monotonic() - since_s > again_s:
+                again_s += ASK_AGAIN_S
+                with contextlib.suppress(LinkClosed):
+                    send(self._link, now.unanswered())
             if self._trouble:
                 self._link.close()
                 return
