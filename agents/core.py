@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from agents import brain
+from agents.observation_check import problem_of
 from agents.strategies import Choice, Strategy, View, strategy_named
 from protocol.codec import decode, decode_pose, encode
 from protocol.errors import MalformedMessage, OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key
 from protocol.messages import FAILED, Command, End, Observation, Pose, Setup
-from protocol.parameters import Parameters
+from protocol.parameters import BODIES, Parameters
 from protocol.plugins import STRATEGIES, PluginBroken, PluginFailed
 
 
@@ -52,6 +53,7 @@ class RobotCore:
         self.state: brain.BrainState | None = None
         self._tick = -1
         self._answer_tick = 0
+        self._timed: bool | None = None
         self._answered: bytes | None = None
         self._answer: list[tuple[str, bytes]] = []
         self._log = log
@@ -100,13 +102,11 @@ class RobotCore:
     def _set_up(self, setup: Setup) -> None:
         if setup.robot != self.robot or self.robot not in setup.team:
             raise WrongSender(f"setup is for {setup.robot} in team {', '.join(setup.team)}")
-        if setup.answer_tick < setup.first_tick:
-            raise MalformedMessage(
-                f"Setup: answer_tick is {setup.answer_tick}, must be first_tick"
-                f" ({setup.first_tick}) or later"
-            )
+        missing = [name for name in BODIES if name not in setup.parameters]
+        if missing:
+            raise MalformedMessage(f"Setup: parameters lack {', '.join(missing)}")
         try:
-            strategy, self.failed = self._strategy(setup)
+            strategy, failed = self._strategy(setup)
             parameters = Parameters.from_mapping(setup.parameters)
         except ValueError as error:
             raise MalformedMessage(f"Setup: {error}") from None
@@ -114,7 +114,7 @@ class RobotCore:
             self.robot, setup.team, setup.tick_s, strategy, parameters, setup.strategy
         )
         # Whatever was known is of another life; its track may have a gap that no filter bridges.
-        self.setup, self.role = setup, role
+        self.setup, self.role, self.failed = setup, role, failed
         self.state = brain.initial(role, setup.first_tick)
         self._tick, self._answer_tick = setup.first_tick - 1, setup.answer_tick
         self._answered = None
@@ -137,12 +137,13 @@ class RobotCore:
                 self._tell_failure(error)
             return brain.Action(None, _failed(observation))
 
-    def decide(self, observation: Observation) -> brain.Action:
-        """Answer an observation; ``OutOfTurn`` before setup or if its tick is not the next one.
+    def check(self, observation: Observation) -> None:
+        """Raise for what cannot be answered; nothing changes.
 
-        ``PluginFailed`` if the strategy fails.
+        ``OutOfTurn`` before setup or if its tick is not the next one, ``WrongSender`` if it is for
+        another robot, ``MalformedMessage`` for what cannot be so.
         """
-        if self.role is None or self.state is None:
+        if self.setup is None or self.role is None:
             raise OutOfTurn(f"observation of tick {observation.tick} before setup")
         if observation.robot != self.robot:
             raise WrongSender(f"observation is for {observation.robot}")
@@ -150,14 +151,19 @@ class RobotCore:
         by_clock = observation.sent_us is not None and observation.tick > self._tick
         if observation.tick != self._tick + 1 and not by_clock:
             raise OutOfTurn(f"observation of tick {observation.tick} after tick {self._tick}")
+        if self._timed not in (None, observation.sent_us is not None):
+            raise MalformedMessage("Observation: sent_us is null in lock-step, and only there")
+        problem = problem_of(observation, self.setup, self.role)
+        if problem is not None:
+            raise MalformedMessage(f"Observation: {problem}")
+
+    def decide(self, observation: Observation) -> brain.Action:
+        """Answer an observation; raises as ``check``, or ``PluginFailed`` if the strategy does."""
+        self.check(observation)
+        assert self.role is not None, "checked"
+        assert self.state is not None, "checked"
         places = brain.places_in(self.role.team)
-        for sighting in observation.seen:
-            if sighting[0] not in places:
-                raise MalformedMessage(f"Observation: seen {sighting[0]!r}, not of this team")
-        for robot in observation.lost:
-            if robot not in places or robot == self.robot:
-                raise MalformedMessage(f"Observation: lost {robot!r}, must be a peer of this team")
-        self._tick = observation.tick
+        self._tick, self._timed = observation.tick, observation.sent_us is not None
         if self.failed is not None:
             raise self.failed
         packets = []

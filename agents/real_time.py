@@ -25,9 +25,10 @@ def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
         return None
     try:
         observation = decode(Observation, payload, core.run)
+        core.check(observation)
     except ProtocolError:
         return None
-    return observation.sent_us is not None if observation.robot == core.robot else None
+    return observation.sent_us is not None
 
 
 def answer(core: RobotCore, link: Link, first: tuple[str, bytes]) -> None:

@@ -17,7 +17,7 @@ from agents.brain import Action
 from agents.core import RobotCore
 from agents.hearing import Hearing
 from protocol.codec import decode, decode_pose, encode
-from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
+from protocol.errors import MalformedMessage, OutOfTurn, ProtocolError, WrongRun, WrongSender
 from protocol.keys import parse_key, robot_key
 from protocol.messages import HEARD_MAX, Command, Observation
 from protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
@@ -84,8 +84,7 @@ class RealTimeCore:
                 self._count(OVERHEARD, 1)
         elif channel == "observation" and robot == self.core.robot:
             observation = decode(Observation, payload, run)
-            if observation.robot != robot:
-                raise WrongSender(f"observation is for {observation.robot}")
+            self._check(observation)
             if observation.tick < self._next_tick:
                 raise OutOfTurn(
                     f"observation of tick {observation.tick}, next is {self._next_tick}"
@@ -102,6 +101,11 @@ class RealTimeCore:
             self.core.receive(key, payload)
             if self.core.setup is not self._setup:
                 self._begin()
+
+    def _check(self, observation: Observation) -> None:
+        self.core.check(observation)
+        if observation.inbox and self._setup.radio == "direct":
+            raise MalformedMessage("Observation: inbox must be empty where robots hear each other")
 
     def decide(self) -> Action | None:
         """Answer the newest observation; None if there is none, or it is refused."""

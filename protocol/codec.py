@@ -19,7 +19,14 @@ import msgpack
 
 from protocol import VERSION
 from protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
-from protocol.fields import COUNT_MAX, NUMBER_MAX, TEXT_MAX, are_plain_reports, check_of
+from protocol.fields import (
+    COUNT_MAX,
+    NUMBER_MAX,
+    TEXT_MAX,
+    are_plain_reports,
+    check_of,
+    problem_of,
+)
 from protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
 from protocol.packing import Twice, bytes_in_list, check_names, map_size
 
@@ -182,9 +189,12 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
     if place is not None and values[place]:
         _check_names(kind, payload)
     try:
-        return kind(*[check(value) for check, value in zip(checks, values, strict=True)])
+        message = kind(*[check(value) for check, value in zip(checks, values, strict=True)])
     except (TypeError, ValueError):
         raise _wrong_value(kind, body, values) from None
+    if (problem := problem_of(message)) is not None:
+        raise MalformedMessage(f"{kind.__name__}: {problem}")
+    return message
 
 
 def _check_bulk(payload: bytes) -> None:

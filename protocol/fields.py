@@ -9,13 +9,31 @@ import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from protocol.messages import HEARD_MAX, RADIOS, RELAYED_MAX, Observation, Point, Timing
+from protocol.keys import is_name
+from protocol.messages import (
+    CAUSE_CODE_MAX,
+    ENDS,
+    FAILED_FOR,
+    HEARD_MAX,
+    RADIOS,
+    RAYS_MAX,
+    RAYS_MIN,
+    REASON_MAX,
+    RELAYED_MAX,
+    Observation,
+    Point,
+    Radio,
+    Setup,
+    State,
+    Timing,
+)
 
 A = TypeVar("A")
 B = TypeVar("B")
 
 TEXT_MAX = 256
 LIST_MAX = 256
+NAME_SHOWN_MAX = 40
 COUNT_MAX = 2**53 - 1
 NUMBER_MAX = 1e9
 """Larger numbers are refused: squared and summed they must stay finite and keep their meaning."""
@@ -26,7 +44,13 @@ _SIGHTING = (str, float, float)
 
 def check_of(kind: type[Any], name: str) -> Callable[[Any], Any]:
     """The check of a field of a kind of message."""
-    return _optional(_point) if (kind, name) == (Observation, "target") else _BY_NAME[name]
+    return _BY_KIND.get((kind, name)) or _BY_NAME[name]
+
+
+def problem_of(message: Any) -> str | None:
+    """What fields that are each right for themselves have wrong together; None if nothing."""
+    check = _TOGETHER.get(type(message))
+    return None if check is None else check(message)
 
 
 def _number(value: Any) -> float:
@@ -39,6 +63,12 @@ def _duration(value: Any) -> float:
     if (number := _number(value)) > 0.0:
         return number
     raise ValueError("a number above 0")
+
+
+def _angle(value: Any) -> float:
+    if -math.pi <= (number := _number(value)) <= math.pi:
+        return number
+    raise ValueError("an angle from -pi to pi")
 
 
 def _count(value: Any) -> int:
@@ -57,6 +87,14 @@ def _text(value: Any) -> str:
     if type(value) is str and len(value) <= TEXT_MAX:
         return value
     raise ValueError(f"text of at most {TEXT_MAX} characters")
+
+
+def _reason(value: Any) -> str:
+    if value in ENDS or (_text(value).startswith(FAILED_FOR) and len(value) <= REASON_MAX):
+        return str(value)
+    raise ValueError(
+        f"{', '.join(ENDS)}, or {FAILED_FOR!r} and why, {REASON_MAX} characters in all"
+    )
 
 
 def _truth(value: Any) -> bool:
@@ -79,17 +117,28 @@ def _scan(value: Any) -> tuple[float, ...]:
     if (
         type(value) is tuple
         and set(map(type, value)) <= _FLOAT
+        and RAYS_MIN <= len(value) <= RAYS_MAX
         and math.isfinite(sum(value))
-        and max(map(abs, value), default=0.0) < NUMBER_MAX
+        and min(value) >= 0.0
+        and max(value) < NUMBER_MAX
     ):
         return value
-    return _numbers(value)
+    lengths = _numbers(value)
+    if RAYS_MIN <= len(lengths) <= RAYS_MAX and min(lengths) >= 0.0:
+        return lengths
+    raise ValueError(f"a list of {RAYS_MIN} to {RAYS_MAX} lengths, none below 0")
 
 
 def _texts(value: Any) -> tuple[str, ...]:
     if type(value) is tuple and set(map(type, value)) <= _STR and len(value) <= LIST_MAX:
         return value
     raise ValueError(f"a list of at most {LIST_MAX} texts")
+
+
+def _team(value: Any) -> tuple[str, ...]:
+    if len(set(names := _texts(value))) == len(names) and all(map(is_name, names)):
+        return names
+    raise ValueError("a list of robots' names, each once")
 
 
 def _packets(value: Any) -> tuple[bytes, ...]:
@@ -152,7 +201,16 @@ def _report(value: Any) -> tuple[str, int, float, float]:
 
 def _parameters(value: Any) -> dict[str, Any]:
     found = _map(value)
-    waiting: list[Any] = [found]
+    for name, part in found.items():
+        try:
+            _parameter(part)
+        except ValueError as error:
+            raise ValueError(f"{error}, under {name[:NAME_SHOWN_MAX]!r}") from None
+    return found
+
+
+def _parameter(value: Any) -> None:
+    waiting: list[Any] = [(value,)]
     while waiting:  # no recursion: a stranger may nest them a thousand deep
         holder = waiting.pop()
         for part in _map(holder).values() if type(holder) is dict else holder:
@@ -162,7 +220,6 @@ def _parameters(value: Any) -> dict[str, Any]:
                 _number(part)
             elif type(part) not in _PLAIN:
                 raise ValueError("made of numbers, texts, truth values, lists and maps")
-    return found
 
 
 def _map(value: Any) -> dict[str, Any]:
@@ -229,8 +286,8 @@ _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "position": _point,
     "velocity": _point,
     "step": _point,
-    "heading_rad": _number,
-    "headings_rad": _numbers,
+    "heading_rad": _angle,
+    "headings_rad": _many(_angle),
     "target": _point,
     "detection": _optional(_point),
     "goal": _optional(_point),
@@ -254,10 +311,46 @@ _BY_NAME: dict[str, Callable[[Any], Any]] = {
     "relayed": _relayed,
     "published": _truth,
     "refused": _counts,
-    "reason": _text,
+    "reason": _reason,
     "robots": _many(_point),
     "captured": _truth,
     "contacts": _many(_pair(_text, _text)),
     "fates": _many(_many(_integer)),
     "copies": _many(_many(_integer)),
+}
+_BY_KIND: dict[tuple[type[Any], str], Callable[[Any], Any]] = {
+    (Observation, "target"): _optional(_point),
+    (Setup, "team"): _team,
+}
+
+
+def _together_setup(setup: Setup) -> str | None:
+    if setup.answer_tick >= setup.first_tick:
+        return None
+    return f"answer_tick is {setup.answer_tick}, must be first_tick ({setup.first_tick}) or later"
+
+
+def _together_state(state: State) -> str | None:
+    count, headings = len(state.robots), len(state.headings_rad)
+    return None if count == headings else f"headings_rad has {headings} for {count} robots"
+
+
+def _together_radio(radio: Radio) -> str | None:
+    """Squares of one size; what is delivered is so after it was sent."""
+    count, tick = len(radio.fates), radio.tick
+    for name, table in (("fates", radio.fates), ("copies", radio.copies)):
+        if table == () and name == "copies":
+            continue
+        if [len(row) for row in table] != [count] * count or any(table[k][k] for k in range(count)):
+            return f"{name} must be {count} rows of {count}, 0 from a robot to itself"
+        lowest = 0 if name == "copies" else -CAUSE_CODE_MAX
+        if not all(lowest <= fate <= 0 or fate > tick for row in table for fate in row):
+            return f"{name} must be ticks after {tick}, or {lowest} to 0"
+    return None
+
+
+_TOGETHER: dict[type[Any], Callable[[Any], str | None]] = {
+    Setup: _together_setup,
+    State: _together_state,
+    Radio: _together_radio,
 }

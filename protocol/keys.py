@@ -19,9 +19,14 @@ class Key(NamedTuple):
     channel: str
 
 
+def is_name(name: str) -> bool:
+    """Whether it may stand in a key as the name of a run or a robot."""
+    return _NAME.fullmatch(name) is not None
+
+
 def check_name(kind: str, name: str) -> str:
     """Return a run or robot name that may stand in a key; ``ValueError`` says what is wrong."""
-    if not _NAME.fullmatch(name):
+    if not is_name(name):
         raise ValueError(
             f"{kind} {name!r} is not a valid name: use 1 to 31 letters, digits, '-' or '_'"
         )
@@ -48,7 +53,7 @@ def parse_key(key: str) -> Key:
             found = Key(run, None, channel)
         case _:
             raise _unknown(key)
-    if not all(_NAME.fullmatch(name) for name in found[:2] if name is not None):
+    if not all(is_name(name) for name in found[:2] if name is not None):
         raise _unknown(key)
     return found
 

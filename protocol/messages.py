@@ -16,6 +16,13 @@ QUANTA_PER_M = float(2**20)
 QUANTUM_M = 1.0 / QUANTA_PER_M
 RELAYED_MAX = 16
 HEARD_MAX = 256
+RAYS_MIN, RAYS_MAX = 8, 360
+REASON_MAX = 200
+ENDS = ("captured", "ticks")
+FAILED_FOR = "failed: "
+"""What the reason of a run that failed begins with."""
+CAUSE_CODE_MAX = 10
+"""Codes of causes of loss go from 1 to this."""
 RADIOS = ("world", "direct")
 FAILED = "failed"
 """Mode of the command of a robot whose own code has failed: it cannot go on, nor can the run."""

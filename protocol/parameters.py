@@ -11,6 +11,8 @@ from math import pi
 from typing import Any
 
 XI_MAX = 100.0
+BODIES = ("radius_m", "target_radius_m", "step_m_max", "sensing_range_m", "stop_distance_m")
+"""What every setup tells."""
 
 
 @dataclass(frozen=True, slots=True)

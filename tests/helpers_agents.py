@@ -12,6 +12,14 @@ from protocol.parameters import Parameters
 TEAM = ("r1", "r2", "r3", "r4")
 TICK_S = 0.1
 RANGE_M = 6.0
+BODIES = {
+    "radius_m": 0.5,
+    "target_radius_m": 0.5,
+    "step_m_max": 0.3,
+    "sensing_range_m": RANGE_M,
+    "stop_distance_m": 1.3,
+}
+"""What every setup tells."""
 
 
 def observation(

@@ -1,10 +1,10 @@
 """The robot's side of the protocol: what it answers, what it refuses, and that it never raises."""
 
 from dataclasses import replace
-from math import inf, nan
+from math import inf, nan, pi
 
 import pytest
-from helpers_agents import TEAM, observation, pose
+from helpers_agents import BODIES, TEAM, observation, pose
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,7 +16,7 @@ from protocol.messages import Command, End, Observation, Pose, Setup, State
 
 CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
 RUN = "g1"
-SETUP = Setup("r1", TEAM, 0.1, "xi-star", {})
+SETUP = Setup("r1", TEAM, 0.1, "xi-star", BODIES)
 
 
 def key(channel, robot="r1"):
@@ -88,7 +88,7 @@ def test_the_same_observation_again_is_answered_again_and_decides_nothing_anew()
 def test_a_second_setup_is_taken_and_begins_anew():
     robot = Robot()
     robot.answer(observation(tick=0))
-    assert robot.tell("setup", Setup("r1", ("r1",), 0.5, "pursuit", {})) == []
+    assert robot.tell("setup", Setup("r1", ("r1",), 0.5, "pursuit", BODIES)) == []
     assert (robot.core.role.team, robot.core.role.tick_s) == (("r1",), 0.5)
     assert robot.answer(observation(tick=0, target=(4.0, 0.0)))[1].mode == "pursue"
 
@@ -96,9 +96,9 @@ def test_a_second_setup_is_taken_and_begins_anew():
 @pytest.mark.parametrize(
     "setup",
     [
-        Setup("r2", TEAM, 0.1, "xi-star", {}),
-        Setup("r1", ("r2", "r3"), 0.1, "xi-star", {}),
-        Setup("r1", (), 0.1, "xi-star", {}),
+        Setup("r2", TEAM, 0.1, "xi-star", BODIES),
+        Setup("r1", ("r2", "r3"), 0.1, "xi-star", BODIES),
+        Setup("r1", (), 0.1, "xi-star", BODIES),
     ],
 )
 def test_a_setup_for_another_robot_or_without_this_one_is_refused(setup):
@@ -123,7 +123,7 @@ def test_a_setup_for_another_robot_or_without_this_one_is_refused(setup):
 )
 def test_a_setup_that_makes_no_sense_is_malformed_and_says_what(strategy, parameters, named):
     robot = Robot(setup=None)
-    payload = encode(Setup("r1", TEAM, 0.1, strategy, parameters), RUN)
+    payload = encode(Setup("r1", TEAM, 0.1, strategy, BODIES | parameters), RUN)
     robot.refuses("setup", payload, "malformed")
     assert named in robot.logged[0]
     assert robot.tell("setup", SETUP) == []
@@ -134,7 +134,7 @@ def test_a_setup_that_makes_no_sense_is_malformed_and_says_what(strategy, parame
 @pytest.mark.parametrize("depth", [10, 500, 900, 1000, 1020])
 def test_deeply_nested_parameters_are_malformed(name, depth):
     robot = Robot(setup=None)
-    payload = bytearray(encode(Setup("r1", TEAM, 0.1, "xi-star", {name: None}), RUN))
+    payload = bytearray(encode(Setup("r1", TEAM, 0.1, "xi-star", BODIES | {name: None}), RUN))
     payload[-1:] = b"\x91" * depth + b"\xc0"
     robot.refuses("setup", bytes(payload), "malformed")
 
@@ -142,7 +142,7 @@ def test_deeply_nested_parameters_are_malformed(name, depth):
 @pytest.mark.parametrize("tick_s", [0.0, -0.1])
 def test_a_tick_without_duration_is_malformed(tick_s):
     robot = Robot(setup=None)
-    robot.refuses("setup", encode(Setup("r1", TEAM, tick_s, "xi-star", {}), RUN), "malformed")
+    robot.refuses("setup", encode(Setup("r1", TEAM, tick_s, "xi-star", BODIES), RUN), "malformed")
 
 
 def test_messages_meant_for_or_naming_another_robot_are_refused():
@@ -223,7 +223,7 @@ SAID = pose("r2", 4, position=(5.0, 5.0), detection=(8.0, 9.0))
 
 def after_hearing(relayed, **parameters):
     """A robot's core and its command at tick 5, at which a packet comes that relays this."""
-    robot = Robot(replace(SETUP, parameters=parameters))
+    robot = Robot(replace(SETUP, parameters=BODIES | parameters))
     for tick in range(5):
         robot.answer(observation(tick=tick))
     packet = encode(replace(SAID, relayed=tuple(relayed)), RUN)
@@ -279,7 +279,7 @@ def test_late_detections_that_were_ignored_are_reported_with_those_too_late_for_
 
 @pytest.mark.parametrize("every", [1, 2, 5])
 def test_a_robot_that_publishes_nothing_answers_with_its_command_alone(every):
-    robot = Robot(replace(SETUP, parameters={"publish_every_ticks": every}))
+    robot = Robot(replace(SETUP, parameters=BODIES | {"publish_every_ticks": every}))
     for tick in range(11):
         sent = robot.tell("observation", observation(tick=tick))
         channels = ["pose", "command"] if tick % every == 0 else ["command"]
@@ -356,10 +356,12 @@ observations = st.builds(
     st.just("r1"),
     st.just(0),
     st.tuples(finite, finite),
-    finite,
+    st.floats(-pi, pi),
     st.none() | st.tuples(finite, finite),
-    st.lists(st.floats(0.0, 6.0), max_size=30).map(tuple),
-    st.lists(st.tuples(st.sampled_from(TEAM), finite, finite), max_size=6).map(tuple),
+    st.lists(st.floats(0.0, 6.0), min_size=8, max_size=30).map(tuple),
+    st.sets(st.sampled_from(TEAM[1:])).flatmap(
+        lambda peers: st.tuples(*[st.tuples(st.just(r), finite, finite) for r in sorted(peers)])
+    ),
     st.lists(st.binary(max_size=60), max_size=3).map(tuple),
 )
 

@@ -1,7 +1,7 @@
 """Round trips and golden bytes; what is refused is in test_codec_refusals."""
 
 import string
-from math import nextafter
+from math import nextafter, pi
 from typing import Any
 
 import msgpack
@@ -33,7 +33,16 @@ SAMPLES: dict[type[Any], Message] = {
         *("direct", 5, 300),
     ),
     Observation: Observation(
-        *("r1", 7, (1.0, -2.5), 0.5, None, (6.0, 0.25), (("r2", 3.0, 4.0),), (b"\x01\x02",)),
+        *(
+            "r1",
+            7,
+            (1.0, -2.5),
+            0.5,
+            None,
+            (6.0, *(0.25,) * 7),
+            (("r2", 3.0, 4.0),),
+            (b"\x01\x02",),
+        ),
         *(("r3",), 1_700_000_000_000_000, (("r2", 6),), 5),
     ),
     Pose: Pose(
@@ -73,7 +82,9 @@ GOLDEN = {
         8e a176 03 a372756e a26731 a5726f626f74 a27231 a47469636b 07
         a8706f736974696f6e 92cb3ff0000000000000cbc004000000000000
         ab68656164696e675f726164 cb3fe0000000000000 a6746172676574 c0
-        a47363616e 92cb4018000000000000cb3fd0000000000000
+        a47363616e 98cb4018000000000000
+        cb3fd0000000000000cb3fd0000000000000cb3fd0000000000000cb3fd0000000000000
+        cb3fd0000000000000cb3fd0000000000000cb3fd0000000000000
         a47365656e 9193a27232cb4008000000000000cb4010000000000000 a5696e626f78 91c4020102
         a46c6f7374 91a27233 a773656e745f7573 cf00060a24181e4000
         a861646d6974746564 9192a2723206 a8616e737765726564 05""",
@@ -117,33 +128,58 @@ values = st.one_of(
 )
 sightings = st.lists(st.tuples(texts, numbers, numbers), max_size=5).map(tuple)
 reports = st.tuples(texts, counts, numbers, numbers)
-tables = st.lists(st.lists(st.integers(1 - 2**53, 2**53 - 1), max_size=5).map(tuple), max_size=5)
+angles = st.floats(-pi, pi)
+names = st.text(string.ascii_letters + string.digits + "-_", min_size=1, max_size=31)
+reasons = st.sampled_from(("captured", "ticks")) | st.text(max_size=192).map("failed: {}".format)
 
 
 def tuples_of(items: Any, size: int = 5) -> Any:
     return st.lists(items, max_size=size).map(tuple)
 
 
+def states(robots: list[tuple[Any, float]]) -> Any:
+    places, headings = zip(*robots, strict=True) if robots else ((), ())
+    touching = tuples_of(st.tuples(texts, texts))
+    fixed = map(st.just, (places, headings))
+    return st.builds(State, counts, *fixed, points, st.booleans(), touching)
+
+
+def radios(count: int) -> Any:
+    """N x N fates of packets sent at some tick, and copies or none."""
+    sent = 1000
+
+    def table(fates: Any) -> Any:
+        rows = [
+            st.tuples(*[st.just(0) if i == k else fates for i in range(count)])
+            for k in range(count)
+        ]
+        return st.tuples(*rows)
+
+    due = st.integers(sent + 1, COUNT_MAX)
+    copies = st.just(()) | table(st.just(0) | due)
+    return st.builds(Radio, st.just(sent), table(st.integers(-10, 0) | due), copies)
+
+
 messages = st.one_of(
     st.builds(
         Setup,
         texts,
-        tuples_of(texts),
+        st.lists(names, max_size=5, unique=True).map(tuple),
         st.floats(0.0, NUMBER_MAX, exclude_min=True, exclude_max=True),
         texts,
         st.dictionaries(texts, values | tuples_of(values), max_size=5),
         st.sampled_from(RADIOS),
-        counts,
-        counts,
+        st.integers(0, 2**52),
+        st.integers(2**52, COUNT_MAX),
     ),
     st.builds(
         Observation,
         texts,
         counts,
         points,
-        numbers,
+        angles,
         st.none() | points,
-        tuples_of(numbers, 30),
+        st.lists(st.floats(0.0, NUMBER_MAX, exclude_max=True), min_size=8, max_size=30).map(tuple),
         sightings,
         tuples_of(st.binary(max_size=300)),
         tuples_of(texts),
@@ -179,19 +215,10 @@ messages = st.one_of(
         st.dictionaries(texts, counts, max_size=5),
         st.none() | st.tuples(counts, counts, tuples_of(st.tuples(texts, counts, counts))),
     ),
-    st.builds(End, texts, counts, texts),
-    st.builds(
-        State,
-        counts,
-        tuples_of(points),
-        tuples_of(numbers),
-        points,
-        st.booleans(),
-        tuples_of(st.tuples(texts, texts)),
-    ),
-    st.builds(Radio, counts, tables.map(tuple), tables.map(tuple)),
+    st.builds(End, texts, counts, reasons),
+    st.lists(st.tuples(points, angles), max_size=5).flatmap(states),
+    st.integers(0, 5).flatmap(radios),
 )
-run_names = st.text(string.ascii_letters + string.digits + "-_", min_size=1, max_size=31)
 
 
 @pytest.mark.parametrize("kind", SAMPLES, ids=lambda kind: kind.__name__)
@@ -209,7 +236,7 @@ def test_samples_cover_every_kind_of_message():
 
 
 @CHEAP
-@given(messages, run_names)
+@given(messages, names)
 def test_a_message_survives_the_round_trip_and_its_bytes_do(message, run):
     payload = encode(message, run)
     decoded = decode(type(message), payload, run)
@@ -223,7 +250,7 @@ LARGEST = nextafter(NUMBER_MAX, 0.0)
 @pytest.mark.parametrize("x", [LARGEST, -LARGEST, 5e-324, -0.0])
 def test_the_largest_and_smallest_numbers_survive_the_round_trip_everywhere(x):
     seen = tuple((f"r{k}", x, x) for k in range(50))
-    message = Observation("r1", 0, (x, x), x, (x, x), (x,) * 360, seen, ())
+    message = Observation("r1", 0, (x, x), 0.0, (x, x), (abs(x),) * 360, seen, ())
     assert encode(decode(Observation, encode(message, "g1"), "g1"), "g1") == encode(message, "g1")
 
 

@@ -64,11 +64,13 @@ NUMBERS = (
     [1e308, 1e308],
 )
 COUNTS_BY_NAME = (None, [], "a", {"a": -1}, {"a": 1.5}, {"a": None}, {b"a": 1}, {"a": True})
+NO_FATES = ([[0, 5]], [[0, 5], [5]], [[5, 5], [5, 0]], [[0, 4], [0, 0]], [[0, -11], [0, 0]])
+"""No tables of what became of packets that two robots sent at tick 4."""
 
 WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
     Setup: {
         "robot": TEXT,
-        "team": (*NOT_A_LIST, [1], [None], ["r1", b"r2"], ["r"] * 257),
+        "team": (*NOT_A_LIST, [1], [None], ["r1", b"r2"], ["r"] * 257, ["r1", "r1"], [""], ["r 1"]),
         "tick_s": (*NUMBER, 0.0, 0, -0.1),
         "strategy": TEXT,
         "parameters": (
@@ -86,9 +88,9 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
         "robot": TEXT,
         "tick": COUNT,
         "position": POINT,
-        "heading_rad": NUMBER,
+        "heading_rad": (*NUMBER, 3.2, -3.2),
         "target": POINT_OR_NONE,
-        "scan": NUMBERS,
+        "scan": (*NUMBERS, [], [1.0] * 7, [1] * 361, [1.0] * 7 + [-0.1], [1] * 7 + [-1]),
         "seen": (
             *NOT_A_LIST,
             ["r2"],
@@ -186,19 +188,26 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
             [1, 2, [["r2", 3, 4]] * 257],
         ),
     },
-    End: {"robot": TEXT, "tick": COUNT, "reason": TEXT},
+    End: {
+        "robot": TEXT,
+        "tick": COUNT,
+        "reason": (*TEXT, "", "over", "Failed: so", "failed: " + "x" * 193),
+    },
     State: {
         "tick": COUNT,
         "robots": (*NOT_A_LIST, [1.0], [None], [[1.0]], [[nan, 0.0]], [b"ab"]),
-        "headings_rad": NUMBERS,
+        "headings_rad": (*NUMBERS, [3.2], [], [0.0, 0.0]),
         "target": POINT,
         "captured": (None, 0, 1, "true", 1.0),
         "contacts": (*NOT_A_LIST, ["ab"], [["r1"]], [["r1", 2]], [["r1", "r2", "r3"]]),
     },
     Radio: {
         "tick": COUNT,
-        "fates": (*NOT_A_LIST, [1], [[1.0]], [[True]], [["1"]], [[2**53]], [None]),
-        "copies": (*NOT_A_LIST, [1], [[1.0]], [[True]], [["1"]], [[2**53]], [None]),
+        "fates": (*NOT_A_LIST, [1], [[1.0]], [[True]], [["1"]], [[2**53]], [None], *NO_FATES),
+        "copies": (
+            *(*NOT_A_LIST, [1], [[1.0]], [[True]], [["1"]], [[2**53]], [None]),
+            *(*NO_FATES, [[0, -1], [0, 0]]),
+        ),
     },
 }
 KINDS = pytest.mark.parametrize("kind", SAMPLES, ids=lambda kind: kind.__name__)

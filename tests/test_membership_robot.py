@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from helpers_agents import observation, pose, role, run_actions
+from helpers_agents import BODIES, observation, pose, role, run_actions
 
 from agents.core import RobotCore
 from protocol.codec import decode, encode
@@ -56,7 +56,7 @@ class Back:
 
     def __init__(self, first_tick, answer_tick):
         self.core = RobotCore("r1", RUN)
-        setup = Setup("r1", ("r1", "r2"), 0.1, "xi-star", {})
+        setup = Setup("r1", ("r1", "r2"), 0.1, "xi-star", BODIES)
         self.tell("setup", setup)
         for tick in range(3):
             self.tell("observation", observation(tick=tick, target=(5.0, 5.0)))
@@ -72,7 +72,9 @@ def test_a_second_setup_starts_a_fresh_brain_at_its_first_tick():
     assert back.core.refused == {"out-of-turn": 1}
     fresh.receive(
         robot_key(RUN, "r1", "setup"),
-        encode(Setup("r1", ("r1", "r2"), 0.1, "xi-star", {}, first_tick=20, answer_tick=20), RUN),
+        encode(
+            Setup("r1", ("r1", "r2"), 0.1, "xi-star", BODIES, first_tick=20, answer_tick=20), RUN
+        ),
     )
     for tick in (20, 21, 22):
         seen = observation(tick=tick, position=(0.1 * tick, 0.0))
@@ -100,8 +102,8 @@ def test_observations_before_the_answer_tick_are_folded_in_and_not_answered():
 def test_a_bad_second_setup_leaves_the_brain_that_there_was():
     back = Back(0, 0)
     state = back.core.state
-    back.tell("setup", Setup("r1", ("r1", "r2"), 0.1, "dance", {}))
-    back.tell("setup", Setup("r1", ("r1", "r2"), 0.1, "xi-star", {}, "world", 5, 4))
+    back.tell("setup", Setup("r1", ("r1", "r2"), 0.1, "dance", BODIES))
+    back.tell("setup", Setup("r1", ("r1", "r2"), 0.1, "xi-star", BODIES, "world", 5, 4))
     assert back.core.state is state
     assert back.core.refused == {"malformed": 2}
 

@@ -234,3 +234,16 @@ def test_the_end_of_the_run_is_told_to_all():
     assert [key.rsplit("/", 1)[1] for key, _ in messages] == ["end"] * 4
     assert core.ended == "ticks"
     assert core.end_tick(EPOCH_US) == []
+
+
+def test_a_robot_that_is_back_is_told_of_no_answer_from_before():
+    core = world('events=[{kind="crash",robot="r2",tick=2,ticks=3}]')
+    answered = {}
+    for tick in range(7):
+        for robot in core.arena.ids:
+            commanded(core, robot, tick)
+        for robot, seen in ended_tick(core).items():
+            answered[seen.tick, robot] = seen.answered
+    assert answered[1, "r2"] == 0
+    assert (answered[5, "r1"], answered[5, "r2"]) == (4, None)
+    assert answered[6, "r2"] == 5

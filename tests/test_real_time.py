@@ -9,6 +9,8 @@ import threading
 import time
 from typing import Any
 
+from helpers_agents import BODIES
+
 import encircle
 from agents.core import RobotCore
 from agents.real_time import answer
@@ -139,7 +141,7 @@ class Robot:
         self.world = hub.link([robot_key(RUN, "r1", "")])
         self.link = hub.link([robot_key(RUN, "r1", "")])
         self.core = RobotCore("r1", RUN)
-        setup = Setup("r1", ("r1", "r2"), 0.001, "xi-star", {}, "direct")
+        setup = Setup("r1", ("r1", "r2"), 0.001, "xi-star", BODIES, "direct")
         self.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN))
         seen = Observation("r1", 0, (4.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
         first = robot_key(RUN, "r1", "observation"), encode(seen, RUN)
@@ -187,7 +189,7 @@ def test_garbage_before_the_first_observation_does_not_hide_that_the_world_goes_
     thread.start()
     seen = Observation("r1", 0, (4.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
     told = {
-        "setup": [encode(Setup("r1", ("r1", "r2"), 0.02, "xi-star"), RUN)],
+        "setup": [encode(Setup("r1", ("r1", "r2"), 0.02, "xi-star", BODIES), RUN)],
         "observation": [b"garbage", encode(seen, RUN)],
     }
     for channel, payloads in told.items():

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from helpers_agents import BODIES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,7 +17,7 @@ from protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
 RUN = "clocked"
 TOLD_MAX = 2 * HEARD_MAX
 TEAM = ("r1", "r2", "r3")
-SETUP = Setup("r1", TEAM, 0.02, "xi-star", {}, "direct")
+SETUP = Setup("r1", TEAM, 0.02, "xi-star", BODIES, "direct")
 
 
 def robot(setup: Setup = SETUP) -> RealTimeCore:
@@ -241,7 +242,7 @@ def test_a_flood_of_packets_is_bounded_and_counted():
 
 
 def test_without_observations_it_stops_once_and_then_keeps_silent():
-    core = robot(replace(SETUP, parameters={"silence_ticks_max": 25}))
+    core = robot(replace(SETUP, parameters=BODIES | {"silence_ticks_max": 25}))
     assert core.quiet_s == 0.5
     assert core.stop(1) == []
     tell(core, observation(0), came_us=3)

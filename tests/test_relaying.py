@@ -7,7 +7,7 @@ heard of; the oracle of what is passed on is a sort of all of them.
 from dataclasses import replace
 
 import pytest
-from helpers_agents import TEAM, TICK_S, observation, pose, role, run_actions, run_brain
+from helpers_agents import BODIES, TEAM, TICK_S, observation, pose, role, run_actions, run_brain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -37,7 +37,7 @@ def hunt(links, sightings, ticks, lost=lambda link, tick: False, **changed):
     team = ("r1", "r2", "r3")
     cores = {robot: RobotCore(robot, RUN) for robot in team}
     for robot, core in cores.items():
-        setup = Setup(robot, team, TICK_S, "xi-star", changed)
+        setup = Setup(robot, team, TICK_S, "xi-star", BODIES | changed)
         core.receive(robot_key(RUN, robot, "setup"), encode(setup, RUN))
     sent = {}
     for tick in range(ticks):

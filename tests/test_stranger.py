@@ -18,6 +18,7 @@ from pathlib import Path
 import msgpack
 import pytest
 import zenoh
+from helpers_agents import BODIES
 
 from agents.core import RobotCore
 from encircle.launch import free_endpoint
@@ -35,13 +36,6 @@ ALLOWED = ("msgpack", "zenoh")
 TEAM = ("r1", "r2", "r3", "r4")
 END_S_MAX = 60.0
 RUN = "guests"
-BODIES = {
-    "radius_m": 0.5,
-    "target_radius_m": 0.5,
-    "step_m_max": 0.3,
-    "sensing_range_m": 6.0,
-    "stop_distance_m": 1.3,
-}
 
 
 @pytest.fixture(scope="module")

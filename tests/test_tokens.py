@@ -13,11 +13,11 @@ from functools import partial
 
 import pytest
 import zenoh
+from helpers_agents import BODIES
 from helpers_hosts import Party
 from helpers_security import Lab, free_endpoint, until
 from test_faults import ROBOTS, hunt  # noqa: F401  # a fixture
 from test_protocol_docs import program
-from test_stranger import BODIES
 from test_stranger import PROGRAM as STRANGER
 
 from agents import robot as shell

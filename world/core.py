@@ -19,10 +19,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.codec import Message, begins_canonically, body_of, decode, decode_pose, encode, packed
-from protocol.errors import OutOfTurn, ProtocolError, WrongRun, WrongSender
+from protocol.errors import (
+    MalformedMessage,
+    OutOfTurn,
+    ProtocolError,
+    WrongRun,
+    WrongSender,
+)
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.lockstep import LockStep, Move
-from protocol.messages import FAILED, Command, End, Observation, Point, Pose, Radio, Setup
+from protocol.messages import (
+    FAILED,
+    FAILED_FOR,
+    REASON_MAX,
+    Command,
+    End,
+    Observation,
+    Point,
+    Pose,
+    Radio,
+    Setup,
+)
 from protocol.plugins import PluginFailed
 from world import channel as radio
 from world import engine
@@ -218,7 +235,7 @@ class WorldCore:
     def fail(self, reason: str) -> Outgoing:
         """End the run as failed; returns the messages that tell the robots."""
         if self.ended is None:
-            self.ended = f"failed: {reason}"
+            self.ended = f"{FAILED_FOR}{reason}"
         return self._end_messages()
 
     def give_up(self, error: PluginFailed) -> None:
@@ -244,16 +261,23 @@ class WorldCore:
         if channel == "pose":
             pose = decode_pose(payload, self.run)
             _check_sender(robot, pose)
+            self._check_clock("sent_us", pose.sent_us)
             self._take_pose(pose, payload)
         elif channel == "command":
             command = decode(Command, payload, self.run)
             _check_sender(robot, command)
+            self._check_clock("timing", command.timing)
             self._take_command(command, payload)
             if command.mode == FAILED:
                 # Only where it happened can it be said how.
                 self.fail(f"robot {robot} has failed at tick {command.tick}, and says itself how")
         else:
             raise OutOfTurn(f"the world does not listen to {channel!r}")
+
+    def _check_clock(self, name: str, value: object) -> None:
+        """In lock-step nothing may show what a clock says."""
+        if value is not None:
+            raise MalformedMessage(f"{name} must be null in lock-step")
 
     def _take_pose(self, pose: Pose, packet: bytes) -> None:
         self.table.move(pose.robot, Move.POSE, pose.tick)
@@ -332,7 +356,7 @@ class WorldCore:
         self.fates = fates
 
     def _end_messages(self) -> Outgoing:
-        reason = (self.ended or "")[:200]
+        reason = (self.ended or "")[:REASON_MAX]
         return [
             self._encode(robot, "end", End(robot, self.state.tick, reason))
             for robot in self.arena.ids

@@ -184,6 +184,8 @@ class PacedCore(WorldCore):
 
     def _answered(self, observation: Observation) -> int | None:
         """The tick of the newest command that has come from the robot since its setup."""
+        if robot_key(self.run, observation.robot, "setup") in dict(self.setups):
+            return None
         stays, held = self.traffic.stays[observation.robot], self._held.get(observation.robot)
         begun = stays[-1].first_tick if stays else 0
         return held.tick if held is not None and held.tick >= begun else None
@@ -195,6 +197,9 @@ class PacedCore(WorldCore):
             return {"inbox": ()}
         poses = [decode_pose(packet, self.run) for packet in observation.inbox]
         return {"inbox": (), "admitted": tuple([(p.robot, p.sequence) for p in poses])}
+
+    def _check_clock(self, name: str, value: object) -> None:
+        """Who shows nothing of its clock takes part all the same."""
 
     def _take_pose(self, pose: Pose, packet: bytes) -> None:
         try:
@@ -221,7 +226,8 @@ class PacedCore(WorldCore):
         self._check_turn(robot, tick, "command")
         known = self._held.get(robot)
         stops = command.mode == STOPPED
-        if known is not None and (tick < known.tick or (tick == known.tick and not stops)):
+        again = stops and command.step == STILL and not command.published
+        if known is not None and (tick < known.tick or (tick == known.tick and not again)):
             raise OutOfTurn(f"command of {robot} for tick {tick} after that for {known.tick}")
         if tick < self.table.tick and not stops:
             self.counts[robot]["late"] += 1

@@ -15,6 +15,7 @@ from typing import Any
 
 from protocol.access import Access
 from protocol.keys import robot_key, world_key
+from protocol.messages import FAILED_FOR
 from protocol.one_of_a_name import check_free
 from protocol.tracebacks import line_of
 from protocol.zenoh_link import LinkError, ZenohLink
@@ -29,7 +30,7 @@ from world.run_directory import (
     start_recording,
     write_summary,
 )
-from world.server import FAILED, Server, Terms, say, say_error
+from world.server import Server, Terms, say, say_error
 from world.transport import report
 
 
@@ -89,7 +90,7 @@ def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder |
     """Finish the recording, write the summary, and tell what came of the run; the exit status."""
     core = server.core
     if core.broken is not None:
-        ended = f"{FAILED}{line_of(core.broken, out)}"
+        ended = f"{FAILED_FOR}{line_of(core.broken, out)}"
     result = replace(core.result(), ended=ended)
     extra: dict[str, Any] = {
         "rounds_s": server.rounds_s,
@@ -105,11 +106,11 @@ def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder |
             with contextlib.closing(recorder):
                 write_summary(out, core.arena.scenario, result, core.run, extra | transport)
         except RecordingStopped as error:
-            if not ended.startswith(FAILED):
-                result = replace(result, ended=f"{FAILED}{error}")
+            if not ended.startswith(FAILED_FOR):
+                result = replace(result, ended=f"{FAILED_FOR}{error}")
     say({"result": asdict(result) | extra})
-    if result.ended.startswith(FAILED):
-        say_error(f"world: {result.ended.removeprefix(FAILED)}")
+    if result.ended.startswith(FAILED_FOR):
+        say_error(f"world: {result.ended.removeprefix(FAILED_FOR)}")
         return 1
     if not server.terms.parent:
         how = "captured" if result.captured else "not captured"

@@ -44,7 +44,6 @@ WATCHED_S_MAX = 0.5
 """How much of the time between two looks counts as waiting, for this world may have been frozen."""
 ABOUT_S_MAX = 0.5
 TOLD_S_MAX = 1.0
-FAILED = "failed: "
 
 
 @dataclass(frozen=True, slots=True)

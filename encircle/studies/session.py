@@ -29,6 +29,7 @@ from protocol.access import Access
 from protocol.errors import LinkClosed
 from protocol.keys import robot_key, world_key
 from protocol.log import bounded_log
+from protocol.messages import FAILED_FOR
 from protocol.options import without_settings
 from protocol.plugins import PluginFailed
 from protocol.zenoh_link import LinkError, ZenohLink
@@ -36,7 +37,6 @@ from world.core import WorldCore
 from world.engine import Arena, build
 from world.scenario import Scenario, ScenarioError, load
 from world.server import ANSWER_S_MAX, ASK_AGAIN_S, JOIN_S_MAX, run_rounds
-from world.server import FAILED as ENDED_AS_FAILED
 from world.telling import send
 
 WATCH_PERIOD_S = 0.1
@@ -161,8 +161,8 @@ class Session:
         if core.ended is None:
             raise StudyFailed(self._trouble or "the link was closed")
         self._core = None
-        if core.ended.startswith(ENDED_AS_FAILED):
-            raise RunEnded(core.ended.removeprefix(ENDED_AS_FAILED))
+        if core.ended.startswith(FAILED_FOR):
+            raise RunEnded(core.ended.removeprefix(FAILED_FOR))
         digest = core.result().digest
         return RunLog.of_messages(arena.scenario, arena.seed, self._run, messages), digest
 
