@@ -10,7 +10,7 @@ from pathlib import Path
 import helpers_plugins as plugins
 import numpy as np
 import pytest
-from helpers_agents import observation
+from helpers_agents import BODIES, observation
 
 import encircle
 from agents.choices import checked
@@ -334,7 +334,7 @@ def test_a_robot_that_has_failed_says_so_whatever_it_is_asked_until_it_is_set_up
     core = RobotCore("r1", "run", tell_failure=told.append)
 
     def set_up(strategy):
-        setup = Setup("r1", ("r1", "r2"), 0.1, strategy, {}, "world", 0, 0)
+        setup = Setup("r1", ("r1", "r2"), 0.1, strategy, BODIES, "world", 0, 0)
         core.receive(robot_key("run", "r1", "setup"), encode(setup, "run"))
 
     def asked(tick):
