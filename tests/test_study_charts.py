@@ -26,12 +26,13 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from encircle.comparisons import Decision
 from encircle.studies import chart_frames, chart_survival, charts, views
 from encircle.studies.chart_lines import RATE, draw_against
 from encircle.studies.chart_maps import _name_levels, draw_maps
 from encircle.studies.charts import charts_of, drawn_along, write_charts
 from encircle.studies.plan import Axis
-from encircle.studies.summary import summarise
+from encircle.studies.summary import CLAIMS, summarise
 
 STRATEGIES = ["xi-star", "xi-0"]
 HOSTILE = ["$x^2", "_hidden", "a\nb <script>", "w" * 70, "a name that is longer than " * 4]
@@ -39,10 +40,19 @@ EDGE_PX = 1.0
 SHORT = {**LOSS, "values": [0.0, 0.4]}
 WORDY = "share of the packets between robots that the radio drops on the way"
 FEW = {**DELAY, "values": [0.0, 0.1, 0.4, 1.0]}
+
+
+def slow_in_bursts(levels):
+    """The second arm captures later and less often than the others."""
+    truth = loss_only(levels)
+    slower = 5.0 if levels["radio"] == ARMS["arms"][1]["name"] else 1.0
+    return truth._replace(mean_s=slower * truth.mean_s)
+
+
 CASES = {
     "lines": ({"axes": [LOSS], "strategies": STRATEGIES, "seeds": 12}, loss_only),
     "grid": ({"axes": [LOSS, FEW], "seeds": 6}, loss_only),
-    "arms": ({"axes": [ARMS, LOSS], "compare": "radio", "seeds": 6}, loss_only),
+    "arms": ({"axes": [ARMS, LOSS], "compare": "radio", "seeds": 30}, slow_in_bursts),
     "names": (
         {
             "axes": [{"name": "arm", "arms": [{"name": n, "set": {}} for n in HOSTILE]}],
@@ -159,8 +169,9 @@ def test_every_axis_has_a_label_with_its_unit_and_every_line_an_entry(cases):
     assert legend_texts(survival) == [*STRATEGIES, "not captured"]
     assert {a.get_xlabel() for a in survival.axes} == {"time (s)", ""}
     assert {a.get_ylabel() for a in survival.axes} == {"share still free (%)", ""}
-    left, right = figures["differences"].figure.axes
+    left, middle, right = figures["differences"].figure.axes
     assert "(points)" in left.get_xlabel()
+    assert "(points)" in middle.get_xlabel()
     assert "(s)" in right.get_xlabel()
     ages = figures["age"].figure.axes
     assert [a.get_xlabel() for a in ages[:2]] == ["mean age of information (s)"] * 2
@@ -299,18 +310,17 @@ def test_levels_that_are_not_in_order_are_drawn_in_order(tmp_path):
     assert list(shown[0]) == pytest.approx(rates)
 
 
-def test_differences_are_level_minus_baseline_and_filled_where_zero_is_left_out(cases):
+def test_differences_are_level_minus_baseline_and_filled_where_decided(cases):
     case = cases("arms")
-    rates, times = case.drawn["differences"].figure.axes
+    panels = dict(zip(CLAIMS, case.drawn["differences"].figure.axes, strict=True))
     arms = [arm["name"] for arm in ARMS["arms"]]
-    expected = {
-        (axes, x, arm): scale
-        * (case.column(name, loss=x, radio=arm) - case.column(name, loss=x, radio=arms[0])).mean()
-        for axes, name, scale in ((rates, "captured", 100.0), (times, "ticks", 0.1))
-        for x in LOSS["values"]
-        for arm in arms[1:]
-    }
-    for axes in (rates, times):
+
+    def change(name, x, arm):
+        base, values = (case.column(name, loss=x, radio=which) for which in (arms[0], arm))
+        return (values - base).mean()
+
+    told = {(one.others["loss"], one.level): one for one in case.summary.comparisons}
+    for claim, axes in panels.items():
         points = [
             line for line in axes.lines if line.get_marker() in "osD^" and line.get_ls() == "None"
         ]
@@ -318,12 +328,23 @@ def test_differences_are_level_minus_baseline_and_filled_where_zero_is_left_out(
         assert len(points) == len(spans) == 10
         for place, (point, span) in enumerate(zip(points, spans, strict=True)):
             level, arm = LOSS["values"][place // 2], arms[1 + place % 2]
-            assert point.get_xdata()[0] == pytest.approx(expected[axes, level, arm])
+            expected = {
+                "rate": 100.0 * change("captured", level, arm),
+                "time_s": 0.1 * change("ticks", level, arm),
+            }
+            test = getattr(told[level, arm], claim)
+            scale = 1.0 if claim == "time_s" else 100.0
+            assert point.get_xdata()[0] == pytest.approx(
+                expected.get(claim, 100.0 * test.mean.value)
+            )
+            assert span.get_xdata() == pytest.approx([scale * x for x in test.mean[1:]])
             assert int(point.get_ydata()[0]) == place // 2
-            low, high = span.get_xdata()
             hollow = same_color(point.get_markerfacecolor(), "white")
-            assert hollow == (low <= 0.0 <= high)
-    assert rates.get_yticklabels()[0].get_text().endswith("0\N{NO-BREAK SPACE}%")
+            assert hollow == (test.decision is Decision.UNDECIDED)
+        decided = [getattr(one, claim).decision for one in told.values()]
+        assert {"undecided"} < set(decided)
+    names = panels["rate"].get_yticklabels()
+    assert names[0].get_text().endswith("0\N{NO-BREAK SPACE}%")
 
 
 def test_age_is_in_seconds_and_has_a_point_for_each_cell(cases):
@@ -503,7 +524,7 @@ from contextlib import closing
 from encircle.studies.chart_lines import RATE, draw_against
 from encircle.studies.chart_maps import _name_levels, draw_maps
 from encircle.studies.charts import write_charts
-from encircle.studies.summary import summarise
+from encircle.studies.summary import CLAIMS, summarise
 from helpers_studies import filled, study_plan
 out = Path(sys.argv[1])
 plan = study_plan(seeds=4)

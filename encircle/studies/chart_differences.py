@@ -25,7 +25,7 @@ from encircle.studies.chart_frames import (
 )
 from encircle.studies.chart_lines import limit_text
 from encircle.studies.plan import Axis
-from encircle.studies.summary import Comparison, Summary, baseline_of
+from encircle.studies.summary import CLAIMS, Comparison, Summary, baseline_of
 from encircle.studies.views import (
     evenly,
     evenly_of,
@@ -40,8 +40,14 @@ from encircle.studies.views import (
 ROW_IN, GROUP_IN, NAME_LINE_IN, AROUND_IN = 0.14, 0.1, 0.14, 1.05
 NAME_COLUMNS = 26
 LEVELS_MAX = 8
-RATE_SPAN_MIN, TIME_SPAN_MIN = 5.0, 0.02
+POINTS_SPAN_MIN, TIME_SPAN_MIN = 5.0, 0.02
 """The least reach of the scales about zero, in points and as a share of the limit."""
+SCALES = {"rate": 100.0, "order": 100.0, "time_s": 1.0}
+LABELS = {
+    "rate": "difference in\ncapture rate (points)\nright is better",
+    "order": "seeds captured later\nless earlier (points)\nleft is better",
+    "time_s": "difference in mean\ntime to capture,\nup to the limit (s)\nleft is better",
+}
 
 
 def draw_differences(summary: Summary) -> Drawn | None:
@@ -77,11 +83,11 @@ def draw_differences(summary: Summary) -> Drawn | None:
     rows = [groups[k] for k in kept]
     figure = _draw(summary, axis, places, rows, [names[k] for k in kept], row_in + GROUP_IN)
     shown = [one for row in rows for one in row]
-    decided = sum(_decided(one.rate) or _decided(one.time_s) for one in shown)
+    decided = sum(any(_decided(getattr(one, name)) for name in CLAIMS) for one in shown)
     alt = (
         f"Forest plot of {len(shown)} comparisons with {level_text(axis, base, named=True)}:"
-        " differences in capture rate and in mean time to capture;"
-        f" {decided} of them decided."
+        " differences in capture rate, in who captures later, and in mean time to capture;"
+        f" {decided} of them decided in one or more."
     )
     return Drawn("differences", figure, _caption(summary, axis, base, len(shown)), alt)
 
@@ -99,15 +105,17 @@ def _draw(
     legend = legend_of(f"{axis.title} against {baseline}", _handles(axis, places), WIDTH_IN)
     size = (WIDTH_IN, row_in * len(rows) + AROUND_IN + legend.high_in)
     figure = Figure(size, DOTS_PER_INCH, layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
+    panels = figure.subplots(1, len(CLAIMS), sharey=True)
     for number, row in enumerate(rows):
         for k, one in enumerate(row):
             at = number + 0.5 + ROW_IN / row_in * (k - (len(row) - 1) / 2)
             style = look(axis, k, len(row)) if places else look(None, 0, 1)
-            _draw_row(panels[0], at, one.rate, 100.0, style)
-            _draw_row(panels[1], at, one.time_s, 1.0, style)
-    limit_s = max(cell.limit_s for cell in summary.cells)
-    for axes, reach in zip(panels, (RATE_SPAN_MIN, TIME_SPAN_MIN * limit_s), strict=True):
+            for axes, name in zip(panels, CLAIMS, strict=True):
+                _draw_row(axes, at, getattr(one, name), SCALES[name], style)
+    time_s_min = TIME_SPAN_MIN * max(cell.limit_s for cell in summary.cells)
+    for axes, name in zip(panels, CLAIMS, strict=True):
+        reach = time_s_min if name == "time_s" else POINTS_SPAN_MIN
+        axes.set_xlabel(LABELS[name])
         for number in range(1, len(rows), 2):
             axes.axhspan(number, number + 1, color="0.94", lw=0, zorder=0)
         low, high = axes.get_xlim()
@@ -115,12 +123,8 @@ def _draw(
         axes.axvline(0.0, color="black", lw=0.7, zorder=1)
         axes.grid(axis="x", alpha=0.25, lw=0.5)
         axes.tick_params(axis="y", length=0)
-        axes.locator_params(axis="x", nbins=6)
+        axes.locator_params(axis="x", nbins=4)
     panels[0].set_yticks(np.arange(len(rows)) + 0.5, names)
-    panels[0].set_xlabel("difference in\ncapture rate (points)\nright is better")
-    panels[1].set_xlabel(
-        "difference in\nmean time to capture,\nup to the limit (s)\nleft is better"
-    )
     add_legend(figure, legend)
     return figure
 
@@ -150,8 +154,9 @@ def _caption(summary: Summary, axis: Axis, base: int, shown: int) -> str:
     every, pairs = len(summary.comparisons), summary.comparisons[0].rate.pairs
     return (
         f"Differences from {level_text(axis, base, named=True)}: each level of {label(axis)} minus"
-        f" it, on {pairs} common seed{'s' * (pairs != 1)}. Bars: 95 % intervals, each for itself,"
-        " which allow for failures that the seeds do not show; runs without capture count as the"
-        f" limit, {limit_text(summary)}. Decided: by p corrected for {summary.tests} tests, too."
-        + (f" {shown} of {every} are shown." if shown < every else "")
+        f" it, on {pairs} common seed{'s' * (pairs != 1)}: how often it captures, in which share of"
+        " the seeds later less in which earlier, and when on average. Bars: 95 % intervals, each"
+        " for itself, which allow for failures that the seeds do not show; runs without capture"
+        f" count as the limit, {limit_text(summary)}. Decided: by p corrected for {summary.tests}"
+        " tests, too." + (f" {shown} of {every} are shown." if shown < every else "")
     )
