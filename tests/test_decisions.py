@@ -100,6 +100,32 @@ def test_many_intervals_cover_and_decisions_are_rarely_wrong(name, seeds):
         assert_covers(hits(found[f"{what} wrong"], STUDIES_NIGHTLY), 0.0, 0.05)
 
 
+@pytest.mark.parametrize("common", [0.0, 0.7])
+@pytest.mark.parametrize("name", ["alike, 2 % fail", "alike, 5 % fail", "1 against 5 % fail"])
+def test_averages_over_settings_cover_and_are_rarely_wrong(name, common):
+    # Five settings on 40 seeds; a share of the seeds end in all settings as they do in the first.
+    shape, studies, seeds = SHAPES[name], 300, 40
+    rng = np.random.default_rng(11)
+    ticks = shape.runs(rng, studies, seeds * 5).reshape(studies, seeds, 5, 2)
+    alike = rng.random((studies, seeds)) < common
+    ticks[alike] = ticks[alike][:, :1]
+    found = Counter()
+    for study in ticks:
+        a, b = np.moveaxis(study, -1, 0)
+        cell = restricted_mean_ticks(b.T, b.T < TICKS_MAX, TICKS_MAX)
+        rates = [(x < TICKS_MAX).mean(axis=1) for x in (a, b)]
+        rate = paired_difference(*rates, 1.0, less_is_better=False)
+        time = paired_difference(a.mean(axis=1), b.mean(axis=1), TICKS_MAX)
+        found["cell"] += holds(cell, shape.mean_b)
+        for what, test, truth in (("rate", rate, shape.rate), ("mean", time, shape.mean)):
+            found[what] += holds(test.mean, truth)
+            found[f"{what} wrong"] += test.decision_alone not in (so(truth), Decision.UNDECIDED)
+    for what in ("cell", "rate", "mean"):
+        assert_covers(hits(found[what], studies), 0.95, 1.0)
+    for what in ("rate wrong", "mean wrong"):
+        assert_covers(hits(found[what], studies), 0.0, 0.05)
+
+
 def test_a_report_of_many_comparisons_is_rarely_wrong_at_all():
     # 8 comparisons of cells that are alike: without correction one report in three decides.
     shape, studies, single = SHAPES["alike, 5 % fail"], 150, 8
