@@ -161,7 +161,7 @@ def sign_change_p(change: Floats) -> float:
     sums = np.zeros(int(np.abs(steps).sum()) + 1)
     sums[0], last = 1.0, 0
     for step in np.abs(steps[steps != 0]).tolist():
-        # Positive and negative sums alike: sums of a half of all signs, from the least one on.
+        # By sum: the chance that the differences with a plus, of those so far, come to it.
         sums[step : last + step + 1] += sums[: last + 1].copy()
         sums[: last + step + 1] *= 0.5
         last += step
