@@ -1,5 +1,11 @@
 """``python -m agents ID --connect ENDPOINT --run RUN``: one robot, as a process."""
 
+if __name__ == "__main__":
+    # Before all that takes time to import.
+    from protocol.interrupts import end_at_once
+
+    end_at_once("robot")
+
 import asyncio
 import sys
 from collections.abc import Sequence
@@ -7,6 +13,7 @@ from pathlib import Path
 
 from agents.lean_start import postponed
 from protocol.access import AccessError
+from protocol.interrupts import leave
 from protocol.options import Options, access, name_of, seconds
 
 
@@ -42,10 +49,11 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m agent
         metavar="DIR",
     )
     options.add_flag("--stay", "join run after run of that name")
+    options.add_flag("--quiet", "say only what goes wrong")
     found = options.parse(arguments)
     # Imported late: a mistyped command need not wait for scipy.
     with postponed("scipy.stats", "scipy.ndimage"):
-        from agents.robot import JOIN_S_MAX, WORLD_S_MAX, run_robot
+        from agents.robot import JOIN_S_MAX, WORLD_S_MAX, Habits, run_robot
     from protocol.zenoh_config import warning
 
     join_s_max = found.join_timeout or JOIN_S_MAX
@@ -57,10 +65,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m agent
     if said is not None:
         print(f"robot {found.id}: {said}", file=sys.stderr, flush=True)
     world_s_max = found.world_timeout or WORLD_S_MAX
-    return asyncio.run(
-        run_robot(found.id, found.run, where, join_s_max, found.stay, world_s_max, found.tracebacks)
-    )
+    habits = Habits(join_s_max, world_s_max, found.stay, found.quiet, found.tracebacks)
+    return asyncio.run(run_robot(found.id, found.run, where, habits))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

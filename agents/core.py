@@ -31,7 +31,8 @@ class RobotCore:
 
     ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation
     that is already decoded, for hunts inside one process. A setup starts a fresh brain at any time:
-    a robot that was lost is taken in again with one.
+    a robot that was lost is taken in again with one. ``tick``: the last one that it was asked for;
+    ``mode``: what it then did; ``setups``: how many it has had.
     """
 
     def __init__(
@@ -51,7 +52,9 @@ class RobotCore:
         self.setup: Setup | None = None
         self.role: brain.Role | None = None
         self.state: brain.BrainState | None = None
-        self._tick = -1
+        self.tick = -1
+        self.mode = ""
+        self.setups = 0
         self._answer_tick = 0
         self._timed: bool | None = None
         self._answered: bytes | None = None
@@ -116,7 +119,8 @@ class RobotCore:
         # Whatever was known is of another life; its track may have a gap that no filter bridges.
         self.setup, self.role, self.failed = setup, role, failed
         self.state = brain.initial(role, setup.first_tick)
-        self._tick, self._answer_tick = setup.first_tick - 1, setup.answer_tick
+        self.tick, self._answer_tick = setup.first_tick - 1, setup.answer_tick
+        self.setups += 1
         self._answered = None
 
     def _strategy(self, setup: Setup) -> tuple[Strategy, PluginFailed | None]:
@@ -148,9 +152,9 @@ class RobotCore:
         if observation.robot != self.robot:
             raise WrongSender(f"observation is for {observation.robot}")
         # By the clock ticks are left out that came late or never.
-        by_clock = observation.sent_us is not None and observation.tick > self._tick
-        if observation.tick != self._tick + 1 and not by_clock:
-            raise OutOfTurn(f"observation of tick {observation.tick} after tick {self._tick}")
+        by_clock = observation.sent_us is not None and observation.tick > self.tick
+        if observation.tick != self.tick + 1 and not by_clock:
+            raise OutOfTurn(f"observation of tick {observation.tick} after tick {self.tick}")
         if self._timed not in (None, observation.sent_us is not None):
             raise MalformedMessage("Observation: sent_us is null in lock-step, and only there")
         problem = problem_of(observation, self.setup, self.role)
@@ -163,7 +167,7 @@ class RobotCore:
         assert self.role is not None, "checked"
         assert self.state is not None, "checked"
         places = brain.places_in(self.role.team)
-        self._tick, self._timed = observation.tick, observation.sent_us is not None
+        self.tick, self._timed = observation.tick, observation.sent_us is not None
         if self.failed is not None:
             raise self.failed
         packets = []
@@ -178,6 +182,7 @@ class RobotCore:
             except ProtocolError as error:
                 self.refuse("inbox", error)
         self.state, action = brain.step(self.state, observation, packets, self.role)
+        self.mode = action.command.mode
         counts = dict(sorted(self.refused.items()))
         if self.state.track.dropped:
             counts["late-detection"] = self.state.track.dropped

@@ -10,16 +10,19 @@ in the round. They wait a bounded time for a world of that run, which tells them
 
 import asyncio
 import gc
-import signal
+import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from agents import real_time
 from agents.core import RobotCore
+from agents.telling import Telling
 from protocol.access import Access
 from protocol.errors import LinkClosed
+from protocol.interrupts import told_to
 from protocol.keys import robot_key, world_key
 from protocol.links import Link
 from protocol.log import bounded_log
@@ -33,6 +36,8 @@ WORLD_S_MAX = 10.0
 DOUBT_S = 0.2
 """How long, after its token, a world's messages may still be under way; then how long it may be
 silent before it counts as gone."""
+SOON_S = 2.0
+LOOK_S = 0.2
 OTHER_VERSION = "this program speaks"
 
 
@@ -43,12 +48,13 @@ class _Life:
         self,
         robot: str,
         run: str,
-        log: Callable[[str], None],
+        tell: Callable[[str], None],
         stays: bool,
         tracebacks: Path | None = None,
     ) -> None:
         self._new = partial(RobotCore, robot, run, self._refused, self._failed)
-        self._log = log
+        self._log = bounded_log()
+        self._tell = tell
         self._tracebacks = tracebacks
         self.stays = stays
         self.core = self._new()
@@ -61,7 +67,7 @@ class _Life:
         self._log(line)
 
     def _failed(self, failed: PluginFailed) -> None:
-        self._log(f"robot {failed.who}: {line_of(failed, self._tracebacks)}")
+        _say(f"robot {failed.who}", line_of(failed, self._tracebacks))
 
     def answer(self, link: Link) -> None:
         """Answer round by round until there is no further run or the link is closed."""
@@ -72,6 +78,7 @@ class _Life:
             if self.core.ended is None or self.core.ended.startswith("failed") or not self.stays:
                 return
             self.completed += 1
+            self._tell(f"run {self.core.run} ended: {self.core.ended}; staying for the next")
             self.core = self._new()
 
     def _answer_rounds(self, link: Link) -> None:
@@ -114,7 +121,14 @@ class _Supervisor:
         self._wait: asyncio.TimerHandle | None = None
         self._doubt: asyncio.TimerHandle | None = None
         self._gone = False
+        self.interrupted = False
         self.trouble: asyncio.Future[str] = self._loop.create_future()
+
+    def interrupt(self, name: str) -> None:
+        """End the robot's life because of a signal; called as a signal handler is."""
+        self.interrupted = True
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self.stop, f"stopped by {name}")
 
     def stop(self, reason: str) -> None:
         """End the robot's life. Later reasons are ignored."""
@@ -124,6 +138,10 @@ class _Supervisor:
     def await_word(self) -> None:
         """Give up unless the world says something in time."""
         self._begin_wait(self._join_s_max, partial(self._not_taken_in, self._life.heard))
+
+    def token_changed(self, _key: str, alive: bool) -> None:
+        """The world's token came or went; may be called from another thread."""
+        self._loop.call_soon_threadsafe(self.world_changed, alive)
 
     def world_changed(self, alive: bool) -> None:
         """The world's token came or went."""
@@ -198,65 +216,99 @@ class _Supervisor:
             )
 
 
-async def run_robot(
-    robot: str,
-    run: str,
-    access: Access,
-    join_s_max: float = JOIN_S_MAX,
-    stays: bool = False,
-    world_s_max: float = WORLD_S_MAX,
-    tracebacks: Path | None = None,
-) -> int:
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """What a robot does in whatever run.
+
+    ``join_s_max``, ``world_s_max``: how long it waits, in s, to be taken in, and for a world that
+    is gone. ``stays``: take part in run after run under the same name, until the world is gone.
+    ``quiet``: say only what goes wrong. ``tracebacks``: the directory for that of a strategy that
+    fails, a temporary file if None.
+    """
+
+    join_s_max: float = JOIN_S_MAX
+    world_s_max: float = WORLD_S_MAX
+    stays: bool = False
+    quiet: bool = False
+    tracebacks: Path | None = None
+
+
+async def run_robot(robot: str, run: str, access: Access, habits: Habits) -> int:
     """One robot's life in a run; returns the exit status: 0 if the run was completed.
 
     1 if not, whatever the reason; but 2 if its strategy cannot be loaded, which is no run's fault.
-    ``tracebacks``: the directory for that of a strategy that fails, a temporary file if None.
-
-    ``stays``: take part in run after run under the same name, until the world is gone.
-    ``world_s_max``: how long to wait, in s, for a world that is gone.
     """
-    log = bounded_log()
+    say = partial(_say, f"robot {robot}")
+    tell = _say_nothing if habits.quiet else say
     own = robot_key(run, robot, "alive")
     check = partial(check_free, token=own, who=f"robot {robot} in run {run}")
+    loop = asyncio.get_running_loop()
+    soon = loop.call_later(SOON_S, tell, f"connecting to {access}")
     try:
         link = await asyncio.to_thread(ZenohLink, access, robot_key(run, robot, "*"), check)
     except LinkError as error:
-        log(f"robot {robot}: {error}")
+        say(str(error))
         return 1
-    life = _Life(robot, run, log, stays, tracebacks)
-    world = f"the world of run {run} at {access}"
-    waits = (join_s_max, world_s_max)
-    supervisor = _Supervisor(life, lambda said: log(f"robot {robot}: {said}"), world, waits)
-    trouble, loop = supervisor.trouble, asyncio.get_running_loop()
-
-    def world_changed(_key: str, alive: bool) -> None:
-        loop.call_soon_threadsafe(supervisor.world_changed, alive)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, supervisor.stop, f"stopped by {number.name}")
-    supervisor.await_word()
-    if not stays:
-        log(f"robot {robot}: waiting for {world}")
-    link.watch(world_key(run, "alive"), world_changed)
-    link.tell_about(robot_key(run, robot, "about"), robot)
-    link.announce(own)
-    rounds = asyncio.create_task(asyncio.to_thread(life.answer, link))
-    try:
-        await _first_of(rounds, trouble)
     finally:
+        soon.cancel()
+    life = _Life(robot, run, tell, habits.stays, habits.tracebacks)
+    telling = Telling(tell)
+
+    def tell_in_order(line: str) -> None:
+        telling.look(life.core)
+        tell(line)
+
+    world = f"the world of run {run} at {access}"
+    supervisor = _Supervisor(life, tell_in_order, world, (habits.join_s_max, habits.world_s_max))
+    with told_to(supervisor.interrupt):
+        tell(f"waiting for {world}")
+        link.watch(world_key(run, "alive"), supervisor.token_changed)
+        link.tell_about(robot_key(run, robot, "about"), robot)
+        link.announce(own)
+        await _live(life, link, supervisor, telling)
+    return _conclude(life, supervisor, say, tell)
+
+
+async def _live(life: _Life, link: ZenohLink, supervisor: _Supervisor, telling: Telling) -> None:
+    """Answer until the run is over or something is the matter, and close the link."""
+    supervisor.await_word()
+    rounds = asyncio.create_task(asyncio.to_thread(life.answer, link))
+    looking = asyncio.create_task(_look(life, telling))
+    try:
+        await _first_of(rounds, supervisor.trouble, looking)
+    finally:
+        looking.cancel()
         supervisor.end_waits()
         await asyncio.to_thread(link.close)
         await rounds
-    if life.idle:
-        return 0
-    ended, failed = life.core.ended, life.core.failed
-    if failed is not None:
-        return 2 if isinstance(failed.error, PluginBroken) else 1
+    telling.look(life.core)
+
+
+async def _look(life: _Life, telling: Telling) -> None:
+    while True:
+        telling.look(life.core)
+        await asyncio.sleep(LOOK_S)
+
+
+def _conclude(
+    life: _Life,
+    supervisor: _Supervisor,
+    say: Callable[[str], None],
+    tell: Callable[[str], None],
+) -> int:
+    """Say how it ended; returns the exit status."""
+    if life.core.failed is not None:
+        return 2 if isinstance(life.core.failed.error, PluginBroken) else 1
+    ended, trouble = life.core.ended, supervisor.trouble
+    reason = trouble.result() if trouble.done() else "the link was closed"
     if ended is not None:
-        if not stays:
-            log(f"robot {robot}: run {run} ended: {ended}")
-        return 1 if ended.startswith("failed") else 0
-    log(f"robot {robot}: {trouble.result() if trouble.done() else 'the link was closed'}")
+        failed = ended.startswith("failed")
+        (say if failed and not life.stays else tell)(f"run {life.core.run} ended: {ended}")
+        return int(failed)
+    if life.idle and not supervisor.interrupted:
+        tell(reason)
+        return 0
+    say(reason)
     return 1
 
 
@@ -267,3 +319,11 @@ def _cancel(timer: asyncio.TimerHandle | None) -> None:
 
 async def _first_of(*futures: "asyncio.Future[Any]") -> None:
     await asyncio.wait(futures, return_when=asyncio.FIRST_COMPLETED)
+
+
+def _say(who: str, line: str) -> None:
+    print(f"{who}: {line}", file=sys.stderr, flush=True)
+
+
+def _say_nothing(_line: str) -> None:
+    """Say it to nobody."""

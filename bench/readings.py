@@ -11,9 +11,7 @@ import argparse
 import os
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from math import pi
-from multiprocessing import get_context
 from statistics import median
 from typing import NamedTuple, TypeAlias
 
@@ -23,6 +21,8 @@ from scenarios import ordinary_hunt
 from scipy.stats import binomtest
 
 from encircle.memory import run_in_memory
+from encircle.pool import in_order
+from encircle.progress import Progress
 from world import engine
 from world.core import WorldCore
 from world.scenario import load
@@ -58,9 +58,9 @@ class Outcome(NamedTuple):
 Outcomes: TypeAlias = dict[Case, list[Outcome]]
 
 
-def hunt(case: Case, seed: int) -> Outcome:
-    """One hunt from a random start."""
-    robots, changes = case
+def hunt(job: tuple[Case, int]) -> Outcome:
+    """One hunt of a case from the random start of a seed."""
+    (robots, changes), seed = job
     scenario = load(ordinary_hunt(robots), changes)
     stop_m = scenario.capture.stop_distance_m
     close = 0
@@ -101,9 +101,8 @@ def measure(cases: Sequence[Case], hunts: int) -> Outcomes:
     unique = list(dict.fromkeys(cases))
     seeds = range(1, hunts + 1)
     jobs = [(case, seed) for case in unique for seed in seeds]
-    # Not forked: a forked copy of a process with threads may hang.
-    with ProcessPoolExecutor(WORKERS, get_context("spawn")) as pool:
-        found = list(pool.map(hunt, *zip(*jobs, strict=True), chunksize=CHUNK_HUNTS))
+    with Progress("readings", "hunts") as tell:
+        found = in_order(hunt, jobs, WORKERS, CHUNK_HUNTS, tell)
     return {case: found[k * hunts : (k + 1) * hunts] for k, case in enumerate(unique)}
 
 

@@ -16,6 +16,7 @@ from typing import Any
 from scenarios import endless_hunt
 
 from encircle.hunts import run
+from encircle.progress import Progress
 from protocol.mailbox import Mailbox
 from world.pacing import Punctuality, next_slot
 
@@ -51,9 +52,11 @@ def hunt(rate_hz: int, seconds: float) -> dict[str, Any]:
 def measure_real_time(rate_hz: int, seconds: float = SECONDS, turns: int = TURNS) -> dict[str, Any]:
     """(f) misses in all turns together, jitter as the median of the turns."""
     bare, hunts = [], []
-    for _ in range(turns):
-        bare.append(bare_loop(rate_hz, seconds))
-        hunts.append(hunt(rate_hz, seconds))
+    with Progress(f"(f) real time at {rate_hz} Hz", "turns") as tell:
+        for turn in range(turns):
+            tell(turn, turns)
+            bare.append(bare_loop(rate_hz, seconds))
+            hunts.append(hunt(rate_hz, seconds))
     found: dict[str, Any] = {"rate_hz": rate_hz, "ticks": sum(each["ticks"] for each in hunts)}
     for name, each in (("hunt", hunts), ("bare", bare)):
         found[f"{name}_misses"] = sum(one["overruns"] for one in each)

@@ -12,6 +12,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -25,6 +27,7 @@ from studies import measure_studies
 
 from encircle.hunts import run
 from encircle.memory import run_in_memory
+from encircle.progress import Progress, Tell
 from world import engine
 from world.run_directory import versions
 from world.scenario import load
@@ -32,6 +35,7 @@ from world.scenario import load
 HERE = Path(__file__).parent
 TURNS = 3
 ORDINARY_TURNS = 3
+STARTS = 5
 
 
 def message_sizes(robots: int) -> tuple[int, int, int]:
@@ -57,11 +61,12 @@ def told(arguments: list[str], python: str = sys.executable) -> dict[str, float]
     return answer
 
 
-def lock_step(robots: int, rounds: int, peers: str | None) -> dict[str, Any]:
+def lock_step(robots: int, rounds: int, peers: str | None, tell: Tell) -> dict[str, Any]:
     """(a) rounds per second of the hunt, of the bare barrier and of mango's."""
     sizes = message_sizes(robots)
     hunts, bare, looped, mango = [], [], [], []
-    for _ in range(TURNS):
+    for turn in range(TURNS):
+        tell(turn, TURNS)
         numbers = [str(n) for n in (robots, rounds, *sizes)]
         barrier = [str(HERE / "barrier.py"), "world"]
         bare.append(told([*barrier, "robot", *numbers])["rounds_per_s"])
@@ -86,12 +91,13 @@ def lock_step(robots: int, rounds: int, peers: str | None) -> dict[str, Any]:
     }
 
 
-def in_memory(robots: int, ticks: int, peers: str | None) -> dict[str, Any]:
+def in_memory(robots: int, ticks: int, peers: str | None, tell: Tell) -> dict[str, Any]:
     """(b) ticks per second on one core: an endless hunt, ordinary hunts, MPE2's bare physics."""
     endless, ordinary, physics = [], [], []
     arena = engine.build(load(endless_hunt(robots, ticks)), 1)
     several = [engine.build(load(ordinary_hunt(robots)), seed) for seed in range(5)]
-    for _ in range(TURNS):
+    for turn in range(TURNS):
+        tell(turn, TURNS)
         begun = time.perf_counter()
         run_in_memory(arena, "bench", print)
         endless.append(ticks / (time.perf_counter() - begun))
@@ -111,11 +117,12 @@ def in_memory(robots: int, ticks: int, peers: str | None) -> dict[str, Any]:
     }
 
 
-def start_up() -> dict[str, Any]:
+def start_up(tell: Tell) -> dict[str, Any]:
     """(d) command to first tick, and resident memory of a robot process, with four robots."""
     to_first_tick = []
     program = str(Path(sys.executable).parent / "encircle")
-    for _ in range(5):
+    for start in range(STARTS):
+        tell(start, STARTS + 1)
         with tempfile.TemporaryDirectory() as scratch:
             begun = time.time()
             done = subprocess.run(
@@ -126,6 +133,7 @@ def start_up() -> dict[str, Any]:
                 check=True,
             )
             to_first_tick.append(json.loads(done.stdout)["begun_unix_s"] - begun)
+    tell(STARTS, STARTS + 1)
     resident_mib: dict[str, float] = {}
     pids: dict[str, int] = {}
 
@@ -163,6 +171,12 @@ def machine() -> dict[str, Any]:
     return {"cpu": models[0] if models else platform.machine(), "cores": os.cpu_count()}
 
 
+def told_of(name: str, measure: Callable[[Tell], dict[str, Any]]) -> dict[str, Any]:
+    """Measure something by turns, and show on standard error how far that is."""
+    with Progress(name, "turns") as tell:
+        return measure(tell)
+
+
 def show(title: str, rows: list[dict[str, Any]]) -> None:
     """One table on the terminal."""
     table = Table(title=title, title_justify="left")
@@ -193,17 +207,24 @@ def main() -> None:
     options = parser.parse_args()
     rounds, ticks = (100, 100) if options.quick else (1500, 1000)
     report: dict[str, Any] = {"machine": machine(), "versions": versions()}
-    report["d_start"] = start_up()
+    report["d_start"] = told_of("(d) start", start_up)
     show("(d) start", [report["d_start"]])
     report["a_lock_step"] = [
-        lock_step(n, r, options.peers) for n, r in ((4, rounds), (16, rounds // 2))
+        told_of(f"(a) lock-step, {n} robots", partial(lock_step, n, r, options.peers))
+        for n, r in ((4, rounds), (16, rounds // 2))
     ]
     show("(a) lock-step rounds per second over Zenoh", report["a_lock_step"])
     report["b_in_memory"] = [
-        in_memory(n, t, options.peers) for n, t in ((4, ticks), (16, ticks // 3), (64, ticks // 20))
+        told_of(f"(b) in memory, {n} robots", partial(in_memory, n, t, options.peers))
+        for n, t in ((4, ticks), (16, ticks // 3), (64, ticks // 20))
     ]
     show("(b) ticks per second in memory, one core", report["b_in_memory"])
-    report["c_decisions"] = [measure_decisions(n) for n in (4, 8, 16, 64)]
+    with Progress("(c) decisions", "teams") as tell:
+        teams = (4, 8, 16, 64)
+        report["c_decisions"] = []
+        for done, n in enumerate(teams):
+            tell(done, len(teams))
+            report["c_decisions"].append(measure_decisions(n))
     show("(c) one robot's decision", report["c_decisions"])
     report["e_studies"] = measure_studies(1 if options.quick else 8)
     show("(e) studies", [report["e_studies"]])

@@ -13,6 +13,7 @@ from typing import Any
 
 from encircle.measures import measure
 from encircle.memory import run_in_memory
+from encircle.progress import Progress, Tell, no_progress
 from encircle.runlog import Collector
 from encircle.studies.plan import load_plan
 from encircle.studies.study import Study
@@ -21,12 +22,13 @@ from world.engine import build
 TURNS = 5
 
 
-def scaling(seeds: int) -> dict[str, Any]:
+def scaling(seeds: int, tell: Tell = no_progress) -> dict[str, Any]:
     """Hunts per second with one worker process and with two, worker start-up left out."""
     plan = load_plan("loss-delay", seeds=seeds)
     speeds: dict[int, list[float]] = {1: [], 2: []}
-    for _ in range(2):
+    for turn in range(2):
         for workers in (1, 2):
+            tell(2 * turn + workers - 1, 4)
             marks: list[tuple[float, int]] = []
             with tempfile.TemporaryDirectory() as scratch:
                 Study(plan, Path(scratch) / "study").run(
@@ -46,12 +48,13 @@ def scaling(seeds: int) -> dict[str, Any]:
     }
 
 
-def overhead() -> dict[str, Any]:
+def overhead(tell: Tell = no_progress) -> dict[str, Any]:
     """Time of measured and logged hunts over that of the same hunts bare, in one process."""
     plan = load_plan("loss-delay")
     arenas = [build(plan.scenario_of(cell), 1) for cell in range(0, len(plan.cells), 4)]
     ratios, bare_us, logged = [], [], []
-    for _ in range(TURNS):
+    for turn in range(TURNS):
+        tell(turn, TURNS)
         bare_s = logged_s = measured_s = 0.0
         ticks = 0
         for arena in arenas:
@@ -77,7 +80,10 @@ def overhead() -> dict[str, Any]:
 
 def measure_studies(seeds: int = 8) -> dict[str, Any]:
     """Everything this file measures."""
-    return {**scaling(seeds), **overhead()}
+    with Progress("(e) studies, scaling", "turns") as tell:
+        found = scaling(seeds, tell)
+    with Progress("(e) studies, measuring", "turns") as tell:
+        return found | overhead(tell)
 
 
 if __name__ == "__main__":

@@ -7,15 +7,15 @@ True
 """
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from encircle.hunts import Hunt, resume, run
-from world.remarks import ScenarioRemark
-from world.scenario import Scenario, ScenarioError, load, shipped
-
 if TYPE_CHECKING:
+    from encircle.hunts import Hunt, resume, run
     from encircle.studies.study import Study
+    from world.remarks import ScenarioRemark
+    from world.scenario import Scenario, ScenarioError, load, shipped
 
 __all__ = [
     "Hunt",
@@ -28,6 +28,18 @@ __all__ = [
     "shipped",
     "study",
 ]
+_FROM = {
+    **dict.fromkeys(("Hunt", "resume", "run"), "encircle.hunts"),
+    **dict.fromkeys(("Scenario", "ScenarioError", "load", "shipped"), "world.scenario"),
+    "ScenarioRemark": "world.remarks",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Fetch a name when it is used: the command line must be there before numpy is."""
+    if name not in _FROM:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_FROM[name]), name)
 
 
 def study(

@@ -26,6 +26,8 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from encircle.whole import emptied_if_left
+from protocol.interrupts import check, held
 from protocol.security import AUTHORITY, ROUTER, TEAM, TEAM_MAX, VIEWER, WORLD
 
 SERVERS = (ROUTER, WORLD)
@@ -89,14 +91,16 @@ def make_certificates(
     }
     apart = directory / KEPT_APART
     _new_directory(directory)
-    _new_directory(apart)
-    # Keys made inside a repository are not to be committed to it.
-    (directory / ".gitignore").write_text("*\n")
-    _write_certificate(directory / f"{AUTHORITY}.pem", authority)
-    _write_key(apart / f"{AUTHORITY}.key", authority)
-    for name, signed in parties.items():
-        _write_certificate(directory / f"{name}.pem", signed)
-        _write_key(directory / f"{name}.key", signed)
+    with held(), emptied_if_left(directory):
+        _new_directory(apart)
+        # Keys made inside a repository are not to be committed to it.
+        (directory / ".gitignore").write_text("*\n")
+        _write_certificate(directory / f"{AUTHORITY}.pem", authority)
+        _write_key(apart / f"{AUTHORITY}.key", authority)
+        for name, signed in parties.items():
+            check()
+            _write_certificate(directory / f"{name}.pem", signed)
+            _write_key(directory / f"{name}.key", signed)
     return Made(directory, tuple(parties), apart / f"{AUTHORITY}.key", begin, end)
 
 

@@ -177,10 +177,11 @@ def cores_and_files(groups: Path = Path("/sys/fs/cgroup")) -> list[Finding]:
 def temporary_directory() -> Finding:
     """Whether there is one that can be written to: ``encircle run`` keeps the scenario there."""
     try:
-        with tempfile.NamedTemporaryFile(prefix="encircle-") as file:
+        # It never has a name, so nothing is left however this ends.
+        with tempfile.TemporaryFile() as file:
             file.write(bytes(4096))
             file.flush()
-            where = Path(file.name).parent
+            where = tempfile.gettempdir()
     except OSError as error:
         advice = "mount one that is writable (tmpfs: /tmp in a compose file), or set TMPDIR"
         return Finding("temporary files", "wrong", f"cannot be written: {error.strerror}", advice)
@@ -200,7 +201,7 @@ def runs_directory(path: Path, named: bool) -> Finding:
     try:
         if not place.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
-        with tempfile.NamedTemporaryFile(dir=place, prefix=".encircle-"):
+        with tempfile.TemporaryFile(dir=place):
             free = shutil.disk_usage(place).free
     except OSError as error:
         advice = (

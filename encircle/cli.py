@@ -10,8 +10,26 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+
+
+class _Stopped(Exception):
+    """What ``Interrupted`` becomes on its way out, for the library would say "Aborted"."""
+
+
+class _Commands(TyperGroup):
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was asked for."""
+        from protocol.interrupts import Interrupted
+
+        try:
+            return super().invoke(ctx)
+        except Interrupted as error:
+            raise _Stopped(str(error)) from None
+
 
 app = typer.Typer(
+    cls=_Commands,
     name="encircle",
     help="Hunt a moving target with robots that share nothing but messages.",
     no_args_is_help=True,
@@ -28,8 +46,8 @@ SetOption = Annotated[
 ]
 
 
-def main() -> None:
-    """Entry point of ``encircle``: one clear line for whatever goes wrong."""
+def main() -> int:
+    """Run a command; one clear line for whatever goes wrong. Returns the exit status."""
     from encircle.launch import RunFailed
     from protocol.plugins import PluginFailed
     from protocol.tracebacks import line_of
@@ -40,17 +58,20 @@ def main() -> None:
         app()
     except (ScenarioError, RunDirectoryError) as error:
         print(f"encircle: {error}", file=sys.stderr)
-        sys.exit(2)
+        return 2
+    except _Stopped as error:
+        print(f"encircle: {error}", file=sys.stderr)
+        return 1
     except RunFailed as error:
         print(f"encircle: the run failed: {error}", file=sys.stderr)
-        sys.exit(1)
+        return 1
     except PluginFailed as error:
         # What only reads a run leaves nothing in its directory.
         print(f"encircle: {line_of(error, None)}", file=sys.stderr)
-        sys.exit(1)
-    except KeyboardInterrupt:
-        print("encircle: the run failed: stopped by SIGINT", file=sys.stderr)
-        sys.exit(1)
+        return 1
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
 
 
 @app.command("run")
@@ -228,9 +249,14 @@ def reproduce_command(
 
     Draws their figures, and says what was found.
     """
+    from encircle.progress import Progress
     from encircle.reproduce import reproduce
+    from protocol.interrupts import Interrupted
 
-    report = reproduce(out, seeds, tell=lambda line: print(line, file=sys.stderr, flush=True))
+    try:
+        report = reproduce(out, seeds, progress=Progress)
+    except Interrupted as error:
+        raise Interrupted(f"{error}; nothing of it is left in {out}") from None
     print(json.dumps(report.as_dict()) if as_json else report.text())
 
 

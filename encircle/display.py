@@ -1,5 +1,8 @@
 """What a person sees of a running hunt: a progress line on standard error, then a short table."""
 
+import time
+from collections.abc import Callable, Sequence
+from datetime import timedelta
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -9,6 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from encircle.hunts import Hunt
+from encircle.progress import PERIOD_S
 from world.result import Result
 from world.scenario import Scenario
 
@@ -16,10 +20,22 @@ SHOWN_MAX = 6
 
 
 class Display:
-    """Progress of one hunt; a context manager."""
+    """Progress of one hunt; a context manager. The line goes when the hunt ends, however it does.
 
-    def __init__(self, scenario: Scenario, link: str) -> None:
-        self._console = Console(stderr=True)
+    ``console`` and ``clock_s`` are for tests.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        link: str,
+        console: Console | None = None,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._console = console or Console(stderr=True)
+        self._clock_s = clock_s
+        self._begun_s = self._told_s = clock_s()
+        self._ticks_max = scenario.ticks_max
         self._progress = Progress(
             TextColumn("{task.description:8}"),
             BarColumn(bar_width=20),
@@ -27,12 +43,14 @@ class Display:
             TextColumn("{task.fields[distances]}"),
             TimeElapsedColumn(),
             console=self._console,
+            transient=True,
         )
         first = "joining" if link == "zenoh" else "hunting"
         self._task = self._progress.add_task(first, total=scenario.ticks_max, distances="")
 
     def __enter__(self) -> "Display":
-        self._progress.start()
+        if self._console.is_terminal:
+            self._progress.start()
         return self
 
     def __exit__(
@@ -41,15 +59,14 @@ class Display:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._progress.stop()
+        self._stop()
 
     def update(self, report: dict[str, Any]) -> None:
         """Show a report of the run."""
         if "tick" in report:
-            self._show("hunting", report["tick"], report["distances_m"])
+            self._show(report["tick"], _near(report["distances_m"]))
         elif "result" in report:
-            result = report["result"]
-            self._show("ended", result["ticks"], result["distances_m"])
+            self._end(report["result"])
         elif "started" in report:
             pids = ", ".join(f"{name} {pid}" for name, pid in report["started"].items())
             self._say(f"run {report['run']} at {report['endpoint']}")
@@ -60,16 +77,31 @@ class Display:
         elif "log" in report:
             self._say(report["log"])
 
+    def _show(self, tick: int, near: str) -> None:
+        """Show a tick: on a terminal at once, elsewhere every ``PERIOD_S`` s."""
+        self._progress.update(self._task, completed=tick, description="hunting", distances=near)
+        now_s = self._clock_s()
+        if not self._console.is_terminal and now_s - self._told_s >= PERIOD_S:
+            self._told_s = now_s
+            self._say(f"tick {tick} of {self._ticks_max}, {near} to the target")
+
+    def _end(self, result: dict[str, Any]) -> None:
+        """Say how the hunt ended; of one that failed, an error does."""
+        self._stop()
+        if not result["ended"].startswith("failed"):
+            how = "captured" if result["captured"] else "not captured"
+            took = timedelta(seconds=round(self._clock_s() - self._begun_s))
+            near = _near(result["distances_m"])
+            self._say(f"ended: {how} at tick {result['ticks']}, {near} to the target, {took}")
+
+    def _stop(self) -> None:
+        # Where it was never started, it would print an empty line.
+        if self._console.is_terminal:
+            self._progress.stop()
+
     def _say(self, line: str) -> None:
         # Whole lines, however wide the terminal is: they are read by programs, too.
         self._console.print(line, highlight=False, markup=False, soft_wrap=True)
-
-    def _show(self, what: str, tick: int, distances_m: list[float]) -> None:
-        near = " ".join(f"{d:.1f}" for d in distances_m[:SHOWN_MAX])
-        more = " ..." if len(distances_m) > SHOWN_MAX else ""
-        self._progress.update(
-            self._task, completed=tick, description=what, distances=f"{near}{more} m"
-        )
 
     def show_result(self, hunt: Hunt, directory: Path, figure: Path) -> None:
         """The short table at the end, on standard output."""
@@ -118,6 +150,11 @@ def _delay(result: Result) -> str:
     if result.delay_s_mean is not None:
         found = f"{result.delay_s_mean:.4g} s on average"
     return f"{found}; asked for: {result.delay_s_mean_asked:.4g} s ({result.delay_model})"
+
+
+def _near(distances_m: Sequence[float]) -> str:
+    near = " ".join(f"{d:.1f}" for d in distances_m[:SHOWN_MAX])
+    return near + (" ... m" if len(distances_m) > SHOWN_MAX else " m")
 
 
 def _punctuality(hunt: Hunt) -> list[tuple[str, str]]:

@@ -6,6 +6,7 @@ Legends stand below the axes, where they cannot cover data, and name at most ``N
 """
 
 from collections.abc import Sequence
+from io import BytesIO
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -198,7 +199,10 @@ def note(
 def save(figure: Figure, path: Path) -> Path:
     """Write a figure as a PNG."""
     FigureCanvasAgg(figure)
-    figure.savefig(path, format="png")
+    # Written in one go: a figure that Ctrl-C cuts off is not there at all.
+    made = BytesIO()
+    figure.savefig(made, format="png")
+    path.write_bytes(made.getvalue())
     return path
 
 

@@ -18,11 +18,8 @@ them together (Bonferroni), so that the paper's claim may be called true or fals
 """
 
 import os
-import signal
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +28,8 @@ from scipy import stats
 
 from encircle.comparisons import bounded_mean
 from encircle.hunts import run
+from encircle.pool import in_order
+from encircle.progress import Tell, no_progress
 from encircle.statistics import capture_rate, restricted_mean_ticks
 from world.scenario import load
 
@@ -183,11 +182,13 @@ def jittered(positions: Sequence[Sequence[float]], seed: int) -> list[list[float
     return found
 
 
-def execution_times(x_m: Sequence[float], seeds: int) -> tuple[ExecutionTimes, ExecutionTimes]:
+def execution_times(
+    x_m: Sequence[float], seeds: int, tell: Tell = no_progress
+) -> tuple[ExecutionTimes, ExecutionTimes]:
     """Runs of simulation 5 at each start of R3: over paired seeds, and one each without noise."""
     base = load("sim5").model_dump(mode="json", exclude_unset=True)
     cases = [(x, policy, seed) for x in x_m for policy in POLICIES for seed in range(seeds + 1)]
-    outcomes = run_many([_case(base, *case) for case in cases])
+    outcomes = run_many([_case(base, *case) for case in cases], tell)
     shape = (len(x_m), len(POLICIES), seeds + 1)
     ticks, captured, farthest_m = (
         np.array(column).reshape(shape) for column in zip(*outcomes, strict=True)
@@ -242,7 +243,7 @@ def numbers(times: ExecutionTimes, exact: ExecutionTimes) -> dict[str, Any]:
     }
 
 
-def captures(runs: int) -> dict[str, NDArray[np.bool_]]:
+def captures(runs: int, tell: Tell = no_progress) -> dict[str, NDArray[np.bool_]]:
     """Which runs of simulation 4 capture: from random starts at two speeds, and near its own.
 
     ``fast``: random starts; ``slow``: the same with the target's step of the other simulations,
@@ -261,23 +262,16 @@ def captures(runs: int) -> dict[str, NDArray[np.bool_]]:
         *({**slow, "team": team, "seed": seed} for seed in seeds),
         *({**fast, "team": own, "seed": seed} for own, seed in zip(near, seeds, strict=True)),
     ]
-    captured = np.array([outcome.captured for outcome in run_many(jobs)]).reshape(3, runs)
+    captured = np.array([outcome.captured for outcome in run_many(jobs, tell)]).reshape(3, runs)
     return dict(zip(("fast", "slow", "near"), captured, strict=True))
 
 
-def run_many(jobs: Sequence[Mapping[str, Any]]) -> list[Outcome]:
-    """Run scenarios in memory, on all processors; what came of them, in their order."""
-    # Not forked: a forked copy of a process with threads, as Zenoh's, may hang.
-    pool = ProcessPoolExecutor(os.cpu_count(), get_context("spawn"), _ignore_interrupts)
-    try:
-        return list(pool.map(_outcome, jobs, chunksize=CHUNK_RUNS))
-    finally:
-        pool.shutdown(cancel_futures=True)
+def run_many(jobs: Sequence[Mapping[str, Any]], tell: Tell = no_progress) -> list[Outcome]:
+    """Run scenarios in memory, on all processors; what came of them, in their order.
 
-
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches the whole group; the parent alone ends the work in order."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ``tell`` gets how many runs are done, and how many there are.
+    """
+    return in_order(_outcome, jobs, os.cpu_count() or 1, CHUNK_RUNS, tell)
 
 
 def _outcome(scenario: Mapping[str, Any]) -> Outcome:

@@ -13,9 +13,10 @@ from encircle.display import Display
 from encircle.hunts import Hunt, check_link, default_directory, resume, run
 from encircle.launch import RunFailed
 from encircle.transport import SHOWN_MAX, show
+from protocol.interrupts import Interrupted, held, saying
 from world.remarks import ScenarioRemark
 from world.resuming import read_last
-from world.run_directory import SUMMARY
+from world.run_directory import RECORDING, SUMMARY
 from world.scenario import Scenario, load
 
 
@@ -40,6 +41,13 @@ def _hunt(wish: Wish, scenario: Scenario, directory: Path, display: Display) -> 
         return run(scenario, link=link, out=directory, progress=progress, when_lost=when_lost)
 
 
+def _is_resumable(error: RunFailed | Interrupted, directory: Path) -> bool:
+    if isinstance(error, RunFailed):
+        return error.resumable
+    # In memory it was interrupted before its end, or after.
+    return (directory / RECORDING).exists() and not (directory / SUMMARY).exists()
+
+
 def show_transport(directory: Path) -> None:
     """What the network did in a run by the clock, from its summary."""
     summary = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
@@ -57,19 +65,20 @@ def hunt_and_draw(wish: Wish, as_json: bool) -> None:
     check_link(scenario, wish.link)
     for remark in scenario.remarks():
         print(f"encircle: {remark}", file=sys.stderr, flush=True)
-    with Display(scenario, wish.link) as display:
-        try:
+    try:
+        with held(), Display(scenario, wish.link) as display:
             hunt = _hunt(wish, scenario, directory, display)
-        except RunFailed as error:
-            if not error.resumable or scenario.clock == "wall":
-                raise
-            raise RunFailed(f"{error}; to go on: encircle run --resume {directory}") from None
-    # Imported after the hunt: the robots need not wait for the plotting library.
-    from encircle.figures import draw_run
-
+    except (RunFailed, Interrupted) as error:
+        if not _is_resumable(error, directory) or scenario.clock == "wall":
+            raise RunFailed(str(error)) from None
+        raise RunFailed(f"{error}; to go on: encircle run --resume {directory}") from None
     figure = directory / "trajectory.png"
     try:
-        draw_run(directory, figure)
+        with saying(f"; the run is over and recorded in {directory}, but not drawn"):
+            # Imported after the hunt: the robots need not wait for the plotting library.
+            from encircle.figures import draw_run
+
+            draw_run(directory, figure)
     except OSError as error:
         raise RunFailed(f"cannot draw {figure}: {error.strerror}") from None
     if as_json:

@@ -5,11 +5,12 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing, nullcontext
+from contextlib import closing, nullcontext, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from protocol.interrupts import check, held
 from protocol.log import bounded_log
 from protocol.tracebacks import line_of
 from world.recorder import RecordingStopped
@@ -91,8 +92,9 @@ def run(
     run is to ``go-on`` without a robot whose process is lost, or to ``end``.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
-    unusable directory and ``RunFailed`` if the run does not come to its end. Warns with
-    ``ScenarioRemark`` of what may not be meant, such as a team that can never capture.
+    unusable directory and ``RunFailed`` if the run does not come to its end; in memory
+    ``Interrupted``, a ``KeyboardInterrupt``, after Ctrl-C. Warns with ``ScenarioRemark`` of what
+    may not be meant, such as a team that can never capture.
     """
     _check("link", link, LINKS)
     _check("when_lost", when_lost, WHEN_LOST)
@@ -104,14 +106,24 @@ def run(
     for remark in loaded.remarks():
         warnings.warn(remark, ScenarioRemark, stacklevel=2)
     name = f"run-{secrets.token_hex(6)}"
+    is_new = out is not None and not Path(out).exists()
     directory = create(Path(out)) if out is not None else None
     tell = progress or (lambda _report: None)
     begun = time.perf_counter()
-    if link == "memory":
-        result, timing, processes = _in_memory(loaded, name, directory, tell)
-    else:
-        order = start_order or ["world", *loaded.ids]
-        result, timing, processes = _as_processes(loaded, name, directory, tell, order, when_lost)
+    try:
+        with held():
+            if link == "memory":
+                result, timing, processes = _in_memory(loaded, name, directory, tell)
+            else:
+                order = start_order or ["world", *loaded.ids]
+                result, timing, processes = _as_processes(
+                    loaded, name, directory, tell, order, when_lost
+                )
+    finally:
+        if directory is not None and is_new:
+            # Of a run that has not begun nothing is left.
+            with suppress(OSError):
+                directory.rmdir()
     wall_s = time.perf_counter() - begun
     return Hunt(loaded, loaded.seed, link, name, result, processes, wall_s, directory, timing)
 
@@ -136,17 +148,18 @@ def resume(
     _check("when_lost", when_lost, WHEN_LOST)
     place, tell = Path(directory), progress or (lambda _report: None)
     begun = time.perf_counter()
-    resumed = rebuild(read_last(place), bounded_log())
-    scenario, name = resumed.core.arena.scenario, resumed.core.run
-    if link == "memory" or resumed.core.ended is not None:
-        result, timing, processes = _in_memory(scenario, name, place, tell, resumed)
-    else:
-        from encircle.launch import run_processes
+    with held():
+        resumed = rebuild(read_last(place), bounded_log())
+        scenario, name = resumed.core.arena.scenario, resumed.core.run
+        if link == "memory" or resumed.core.ended is not None:
+            result, timing, processes = _in_memory(scenario, name, place, tell, resumed)
+        else:
+            from encircle.launch import run_processes
 
-        arguments = ["--resume", str(place), "--when-lost", when_lost]
-        order = ["world", *scenario.ids]
-        result, timing = run_processes(arguments, scenario.ids, name, tell, order, place)
-        processes = len(order)
+            arguments = ["--resume", str(place), "--when-lost", when_lost]
+            order = ["world", *scenario.ids]
+            result, timing = run_processes(arguments, scenario.ids, name, tell, order, place)
+            processes = len(order)
     wall_s = time.perf_counter() - begun
     return Hunt(scenario, scenario.seed, link, name, result, processes, wall_s, place, timing)
 
@@ -175,12 +188,14 @@ def _in_memory(
 
     arena = build(scenario, scenario.seed)
     so_far = resumed.messages if resumed else None
+    check(" before the run began")
     recorder = start_recording(directory, scenario, name, so_far) if directory else None
     record = recorder.record if recorder else None
     said, told = time.perf_counter(), 0
 
     def progress(world: "WorldCore") -> None:
         nonlocal said, told
+        check(f" at tick {world.state.tick}")
         for tick, robot, what in world.departures[told:]:
             tell({"departure": [tick, robot, what]})
         told = len(world.departures)

@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from protocol.interrupts import told_to
 from protocol.options import without_settings
 from protocol.tracebacks import KEPT_IN
 from world.result import Result
@@ -65,7 +66,11 @@ def run_processes(
     ``start_order`` is for tests; ``directory``: that of the run, if any. Raises ``RunFailed``.
     """
     launch = _Launch(run, robots, report, directory)
-    return asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
+    with told_to(launch.interrupt):
+        found = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
+    if launch.interrupted or found is None:
+        raise launch.stopped()
+    return found
 
 
 class _Launch:
@@ -86,6 +91,7 @@ class _Launch:
         self.tick = 0
         self.errors: dict[str, list[str]] = {}
         self.interrupted = ""
+        self._loop: asyncio.AbstractEventLoop | None = None
         self.failed: list[str] = []
         self.held_s: dict[str, float] = {}
         self.begun = False
@@ -94,30 +100,25 @@ class _Launch:
 
     async def run(
         self, world_arguments: Sequence[str], order: Sequence[str]
-    ) -> tuple[Result, dict[str, Any]]:
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, self._interrupt, number.name)
+    ) -> tuple[Result, dict[str, Any]] | None:
+        self._loop = asyncio.get_running_loop()
         try:
             for name in order:
-                await self._start(name, world_arguments)
-            self.report(
-                {
-                    "started": {name: p.pid for name, p in self.processes.items()},
-                    "run": self.name,
-                    "endpoint": self.endpoint,
-                }
-            )
-            await self._follow()
+                if not self.interrupted:
+                    await self._start(name, world_arguments)
+            if not self.interrupted:
+                pids = {name: process.pid for name, process in self.processes.items()}
+                self.report({"started": pids, "run": self.name, "endpoint": self.endpoint})
+                await self._follow()
         finally:
             await self._stop_all()
-        return self._outcome()
+        return None if self.interrupted else self._outcome()
 
     async def _start(self, name: str, world_arguments: Sequence[str]) -> None:
         own = (
-            ["world", *world_arguments, "--listen", self.endpoint, "--parent"]
+            ["world", *world_arguments, "--listen", self.endpoint, "--parent", "--json"]
             if name == "world"
-            else ["agents", name, "--connect", self.endpoint, *self.own]
+            else ["agents", name, "--connect", self.endpoint, "--quiet", *self.own]
         )
         pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
         self.processes[name] = await asyncio.create_subprocess_exec(
@@ -190,8 +191,10 @@ class _Launch:
         async for line in stream:
             report = json.loads(line)
             self.heard_s = time.monotonic()
-            self.begun = self.begun or "tick" in report
             self.result = report.get("result", self.result)
+            # The run may have ended before its first report.
+            joined = self.result is not None and self.result["joined_s"] is not None
+            self.begun = self.begun or "tick" in report or joined
             self.tick = report.get("tick", self.tick)
             self.report(report)
 
@@ -206,8 +209,21 @@ class _Launch:
                 if " refused " in text:
                     self.report({"log": text})
 
-    def _interrupt(self, name: str) -> None:
-        self.interrupted = name
+    def stopped(self) -> RunFailed:
+        """The error of a run that was interrupted."""
+        is_over = self.result is not None and not self.result["ended"].startswith("failed")
+        when = f"at tick {self.tick}" if self.begun else "before the run began"
+        when += ", which was its end" if is_over else ""
+        return RunFailed(f"stopped by {self.interrupted} {when}", self.begun and not is_over)
+
+    def interrupt(self, name: str) -> None:
+        """End the run in order because of a signal; called as a signal handler is."""
+        if not self.interrupted:
+            self.interrupted = name
+            if self._loop is not None and not self._loop.is_closed():
+                self._loop.call_soon_threadsafe(self._end_world)
+
+    def _end_world(self) -> None:
         world = self.processes.get("world")
         if world is not None and world.returncode is None:
             world.terminate()
@@ -227,8 +243,6 @@ class _Launch:
 
     def _outcome(self) -> tuple[Result, dict[str, Any]]:
         """The result, or ``RunFailed`` with the one line that says what happened first."""
-        if self.interrupted:
-            raise RunFailed(f"stopped by {self.interrupted} at tick {self.tick}")
         if self.result is None:
             if self.processes["world"].returncode == BAD_CONFIGURATION:
                 raise ScenarioError(self._first_failure())

@@ -9,6 +9,7 @@ import json
 import textwrap
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,8 +44,11 @@ from encircle.findings import (
     simulation_3,
     solid_finding,
 )
+from encircle.progress import Tell, no_progress
 from encircle.replaying import Recording
 from encircle.tracks import Tracks
+from encircle.whole import emptied_if_left
+from protocol.interrupts import check, held
 from world.run_directory import create, versions
 
 RANDOM_STARTS = 200
@@ -107,37 +111,41 @@ def reproduce(
     *,
     random_starts: int = RANDOM_STARTS,
     x_m: Sequence[float] = X_OF_R3_M,
-    tell: Callable[[str], None] = lambda _line: None,
+    progress: Callable[[str], AbstractContextManager[Tell]] = lambda _name: nullcontext(
+        no_progress
+    ),
 ) -> Report:
     """Run the paper's simulations into ``out``, new or empty; ``RunDirectoryError`` if it is not.
 
     ``seeds``: paired runs for each start of R3 and policy in simulation 5, at least 2;
     ``random_starts``: runs behind each rate of simulation 4; ``x_m``: R3's starts in simulation 5;
-    ``tell`` gets a line at each stage. Starts processes: a script calls it under
-    ``if __name__ == "__main__"``.
+    ``progress`` is entered for each simulation by its name, and told of its runs. Starts processes:
+    a script calls it under ``if __name__ == "__main__"``. If it is left before its end, nothing of
+    it is left in ``out``; ``Interrupted`` after Ctrl-C.
     """
     assert seeds >= 2, f"{seeds} seeds give no interval"
     begun = time.perf_counter()
-    create(out)
-    simulations = []
-    for number, judge in enumerate((simulation_1, simulation_2, simulation_3), start=1):
-        tell(f"simulation {number}")
-        simulations.append(judge(out, *recorded(out, f"sim{number}")))
-    tell(f"simulation 4, {3 * random_starts} runs for rates")
-    simulations.append(_simulation_4(out, *recorded(out, "sim4"), random_starts))
-    tell(f"simulation 5, {len(x_m) * len(POLICIES) * (seeds + 1)} runs")
-    simulations.append(_simulation_5(out, *recorded(out, "sim5")[1:], x_m, seeds))
-    report = Report(out, seeds, time.perf_counter() - begun, tuple(simulations))
-    (out / "report.txt").write_text(report.text() + "\n", encoding="utf-8")
-    as_json = json.dumps(report.as_dict(), indent=2, allow_nan=False)
-    (out / "report.json").write_text(as_json + "\n", encoding="utf-8")
+    with held(), emptied_if_left(create(out)):
+        simulations = []
+        for number, judge in enumerate((simulation_1, simulation_2, simulation_3), start=1):
+            with progress(f"simulation {number}"):
+                simulations.append(judge(out, *recorded(out, f"sim{number}")))
+            check()
+        with progress("simulation 4") as tell:
+            simulations.append(_simulation_4(out, *recorded(out, "sim4"), random_starts, tell))
+        with progress("simulation 5") as tell:
+            simulations.append(_simulation_5(out, *recorded(out, "sim5")[1:], x_m, seeds, tell))
+        report = Report(out, seeds, time.perf_counter() - begun, tuple(simulations))
+        (out / "report.txt").write_text(report.text() + "\n", encoding="utf-8")
+        as_json = json.dumps(report.as_dict(), indent=2, allow_nan=False)
+        (out / "report.json").write_text(as_json + "\n", encoding="utf-8")
     return report
 
 
 def _simulation_4(
-    out: Path, recording: Recording, tracks: Tracks, facts: dict[str, Any], runs: int
+    out: Path, recording: Recording, tracks: Tracks, facts: dict[str, Any], runs: int, tell: Tell
 ) -> Simulation:
-    captured = captures(runs)
+    captured = captures(runs, tell)
     rates = {name: rate(flags) for name, flags in captured.items()}
     slower = rate_difference(captured["fast"], captured["slow"])
     facts["capture_rates"] = {name: found._asdict() for name, found in rates.items()}
@@ -179,9 +187,9 @@ def _simulation_4(
 
 
 def _simulation_5(
-    out: Path, tracks: Tracks, facts: dict[str, Any], x_m: Sequence[float], seeds: int
+    out: Path, tracks: Tracks, facts: dict[str, Any], x_m: Sequence[float], seeds: int, tell: Tell
 ) -> Simulation:
-    times, exact = execution_times(x_m, seeds)
+    times, exact = execution_times(x_m, seeds, tell)
     curves = [
         TimeCurve(
             label,

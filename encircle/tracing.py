@@ -7,11 +7,13 @@ to the world and that of the next observation, without the wait for the tick in 
 """
 
 import csv
+import io
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
 from encircle.transport import traffic_of
+from protocol.interrupts import check, held
 from world.radio_checks import TRACE_ROWS_MAX
 from world.recording import Recording
 from world.run_directory import RunDirectoryError
@@ -87,19 +89,32 @@ def write_trace(trace: NetworkTrace, path: Path) -> None:
     if not trace.rows:
         raise TraceFileError(f"{path}: the run has no packet that could have been heard")
     names = COLUMNS if trace.delays_refused is None else COLUMNS[:3]
+    made = (
+        _as_csv(trace, names) if path.suffix.lower() == ".csv" else _as_parquet(trace, names, path)
+    )
     try:
-        if path.suffix.lower() == ".csv":
-            with open(path, "x", encoding="utf-8", newline="") as file:
-                writer = csv.writer(file)
-                writer.writerow(names)
-                writer.writerows(row[: len(names)] for row in trace.rows)
-        else:
-            _write_parquet(trace, names, path)
+        with held(), open(path, "xb") as file:
+            try:
+                file.write(made)
+                file.flush()
+                check()
+            except BaseException:
+                # What is left would keep the next attempt from its place.
+                path.unlink()
+                raise
     except OSError as error:
         raise TraceFileError(f"{path} cannot be written: {error.strerror}") from None
 
 
-def _write_parquet(trace: NetworkTrace, names: tuple[str, ...], path: Path) -> None:
+def _as_csv(trace: NetworkTrace, names: tuple[str, ...]) -> bytes:
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(names)
+    writer.writerows(row[: len(names)] for row in trace.rows)
+    return text.getvalue().encode()
+
+
+def _as_parquet(trace: NetworkTrace, names: tuple[str, ...], path: Path) -> bytes:
     try:
         from pyarrow import parquet, table
     except ImportError:
@@ -107,5 +122,6 @@ def _write_parquet(trace: NetworkTrace, names: tuple[str, ...], path: Path) -> N
             f"{path}: writing Parquet needs pyarrow (pip install 'encircle[studies]'), CSV does not"
         ) from None
     columns = dict(zip(COLUMNS, map(list, zip(*trace.rows, strict=True)), strict=True))
-    with open(path, "xb") as file:
-        parquet.write_table(table({name: columns[name] for name in names}), file)
+    made = io.BytesIO()
+    parquet.write_table(table({name: columns[name] for name in names}), made)
+    return made.getvalue()

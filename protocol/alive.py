@@ -5,11 +5,17 @@ by connecting to it, the world or a robot of a run by its liveliness token. The 
 of the party itself, so that inside its container the check needs no arguments.
 """
 
+if __name__ == "__main__":
+    # Before all that takes time to import.
+    from protocol.interrupts import end_at_once
+
+    end_at_once("alive")
+
 import argparse
-import sys
 from collections.abc import Sequence
 
 from protocol.access import Access, AccessError, Identity, LinkError, here
+from protocol.interrupts import leave
 from protocol.keys import robot_key, world_key
 from protocol.options import Options, identity, name_of, seconds
 from protocol.zenoh_link import closing, has_neighbours, is_alive, open_session
@@ -87,4 +93,4 @@ def _party(value: str) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

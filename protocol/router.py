@@ -4,9 +4,14 @@ World and robots on many hosts need only reach the router, not each other. Any Z
 this one is the library that is installed anyway, in router mode, without plugins.
 """
 
+if __name__ == "__main__":
+    # Before all that takes time to import.
+    from protocol.interrupts import end_at_once
+
+    end_at_once("router")
+
 import contextlib
 import queue
-import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -16,6 +21,7 @@ from typing import Any
 from protocol.about import ROUTER_KEY, replier
 from protocol.access import CONNECT_S_MAX, AccessError, LinkError
 from protocol.errors import UnknownKey
+from protocol.interrupts import leave, told_to
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.mailbox import now_us
 from protocol.options import Options, access, name_of
@@ -27,7 +33,8 @@ from protocol.zenoh_link import answer, closing, open_session, subscribe_alive
 END_S_MAX = 5.0
 STEP_S = 0.5
 
-Changes = queue.SimpleQueue[tuple[str, bool] | None]
+Changes = queue.SimpleQueue[tuple[str, bool] | str]
+"""Tokens that come and go, and the name of a signal, which ends it."""
 
 
 class Tokens:
@@ -51,7 +58,10 @@ class Tokens:
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "python -m protocol.router") -> int:
-    """Route until SIGTERM or SIGINT, or for one run; returns the exit status."""
+    """Route until SIGTERM or SIGINT, or for one run; returns the exit status.
+
+    That is how a router ends: with status 0, unless it was still opening its endpoints.
+    """
     options = Options(program, "Route the messages of any number of runs.")
     options.add_access()
     options.add_flag("--direct-radio", "with certificates: let robots hear each other's poses")
@@ -59,8 +69,6 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
     options.add("--for-run", "end by itself after this run", read=name_of("run"), metavar="RUN")
     found = options.parse(arguments)
     changes: Changes = queue.SimpleQueue()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda _number, _frame: changes.put(None))
     try:
         where = access(found, CONNECT_S_MAX, "router", ROUTER)
         where = replace(where, direct_radio=found.direct_radio)
@@ -68,6 +76,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
         with (
             refusals_told("router", found.count_refusals),
             closing(open_session(where)) as session,
+            told_to(changes.put),
         ):
             of = "" if where.listen else "the endpoints of "
             print(f"router: {said or f'listening on {of}{where}'}", file=sys.stderr, flush=True)
@@ -92,11 +101,12 @@ def _route(session: Any, run: str | None, changes: Changes) -> None:
     while not tokens.over(time.monotonic()):
         with contextlib.suppress(queue.Empty):
             change = changes.get(timeout=STEP_S)
-            if change is None:
+            if isinstance(change, str):
+                print(f"router: stopped by {change}", file=sys.stderr, flush=True)
                 return
             with contextlib.suppress(UnknownKey):
                 tokens.change(*change, time.monotonic())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

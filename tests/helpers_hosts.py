@@ -107,7 +107,7 @@ class Party:
             self._process = subprocess.Popen(
                 command,
                 cwd=HERE,
-                env=os.environ | settings,
+                env=os.environ | {"ENCIRCLE_JSON": "yes"} | settings,
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err,

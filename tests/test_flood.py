@@ -72,7 +72,7 @@ class Hunt:
         recorded = ("--answer-timeout", ANSWER_S_MAX, "--out", self.out)
         commands = {
             "router": ("protocol.router", "--listen", self.endpoint, "--for-run", RUN),
-            "world": ("world", scenario, *where, *recorded),
+            "world": ("world", scenario, "--json", *where, *recorded),
             **{robot: ("agents", robot, *where) for robot in ROBOTS},
         }
         with self._said.open("wb") as said:

@@ -111,7 +111,7 @@ def test_the_whole_robot_of_the_page_takes_part_in_a_hunt(tmp_path):
     world = subprocess.Popen(
         [
             *(sys.executable, "-m", "world", "sim1", "--listen", endpoint, "--run", "demo"),
-            *("--set", "ticks_max=40"),
+            *("--set", "ticks_max=40", "--json"),
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -113,7 +113,9 @@ def test_a_tick_may_be_longer_than_the_world_would_wait_for_an_answer(tmp_path):
     where = ("--run", "slow")
     world = [sys.executable, "-m", "world", str(scenario), "--listen", endpoint, *where]
     parties = [
-        subprocess.Popen([*world, "--answer-timeout", "0.3"], stdout=subprocess.PIPE, text=True),
+        subprocess.Popen(
+            [*world, "--json", "--answer-timeout", "0.3"], stdout=subprocess.PIPE, text=True
+        ),
         *(
             subprocess.Popen([sys.executable, "-m", "agents", r, "--connect", endpoint, *where])
             for r in ("r1", "r2")

@@ -1,6 +1,7 @@
 """The reproduction: its facts against independent computations, its statistics, its refusals."""
 
 import json
+from contextlib import nullcontext
 from math import atan2, degrees, dist, remainder, sqrt, tau
 from pathlib import Path
 from types import SimpleNamespace
@@ -38,10 +39,17 @@ SEEDS = 2
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    told = []
+    entered, told = [], []
+
+    def progress(name):
+        entered.append(name)
+        return nullcontext(lambda done, of: told.append((done, of)))
+
     out = tmp_path_factory.mktemp("reproduce") / "out"
-    found = reproduce(out, SEEDS, random_starts=2, x_m=X_M, tell=told.append)
-    assert len(told) == 5
+    found = reproduce(out, SEEDS, random_starts=2, x_m=X_M, progress=progress)
+    assert entered == [f"simulation {number}" for number in range(1, 6)]
+    rates, times = 3 * 2, len(X_M) * 4 * (SEEDS + 1)
+    assert [done for done, of in told if done == of] == [rates, times]
     return found
 
 

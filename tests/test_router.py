@@ -87,7 +87,7 @@ def changes(seen, count):
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_it_ends_cleanly_when_asked_to(router, number):
     assert router.end(number) == 0
-    assert router.process.stderr.read() == ""
+    assert router.process.stderr.read() == f"router: stopped by {number.name}\n"
 
 
 def test_a_restarted_router_is_not_noticed_by_who_watches(router, closing):

@@ -99,7 +99,7 @@ def joined(packages, tmp_path) -> Iterator:
             world = start(
                 [
                     *(*ours, "world", "sim1", "--listen", endpoint, "--run", RUN),
-                    *("--out", str(out), *settings),
+                    *("--out", str(out), "--json", *settings),
                 ],
                 stdout=subprocess.PIPE,
             )

@@ -3,6 +3,12 @@
 ``python -m world --resume DIR --listen ENDPOINT`` goes on with the run that is recorded there.
 """
 
+if __name__ == "__main__":
+    # Before all that takes time to import.
+    from protocol.interrupts import end_at_once
+
+    end_at_once("world")
+
 import argparse
 import asyncio
 import sys
@@ -11,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from protocol.access import CONNECT_S_MAX, AccessError
+from protocol.interrupts import leave
 from protocol.options import Options, access, name_of, seconds, whole_number
 from protocol.security import WORLD
 
@@ -28,6 +35,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m world
     from protocol.refusals import refusals_told
     from protocol.zenoh_config import warning
     from world.engine import build
+    from world.reports import PersonReporter, report_as_json
     from world.resuming import read_last, rebuild
     from world.run_directory import RunDirectoryError, new_directory
     from world.running import run_world
@@ -64,7 +72,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m world
         for line in [*([said] if said is not None else []), *remarks]:
             print(f"world: {line}", file=sys.stderr, flush=True)
         with refusals_told("world", found.count_refusals):
-            return asyncio.run(run_world(arena, found.run, where, found.out, log, terms, resumed))
+            report = report_as_json if found.json else PersonReporter()
+            life = run_world(arena, found.run, where, found.out, log, terms, report, resumed)
+            return asyncio.run(life)
     except AccessError as error:
         options.error(str(error))
     except (ScenarioError, RunDirectoryError) as error:
@@ -138,9 +148,10 @@ def _options(program: str) -> Options:
     options.add_flag(
         "--count-refusals", "if it listens: say at the end what certificates kept out; costs time"
     )
+    options.add_flag("--json", "print what happens as JSON, one object a line, on standard output")
     options.add_flag("--parent", "end when standard input is closed")
     return options
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from protocol.codec import decode, encode
 from protocol.errors import ProtocolError
+from protocol.interrupts import check
 from protocol.keys import parse_key
 from protocol.messages import Observation, Setup
 from world.core import Outgoing, WorldCore
@@ -104,6 +105,7 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
     core.begin()
     rounds = _rounds_of(recording)
     while core.ended is None and rounds.get(core.state.tick, _Round()).whole:
+        check()
         tick = core.state.tick
         _play(core, rounds[tick], rounds.get(tick + 1, _Round()))
         if core.state.tick == tick:

@@ -120,6 +120,14 @@ def start_recording(
     return recorder
 
 
+def discard(recorder: Recorder, path: Path) -> None:
+    """Leave the directory as if nothing had been recorded, of a run that has not begun."""
+    with contextlib.suppress(OSError):
+        (path / RECORDING).unlink()
+    with contextlib.suppress(RecordingStopped):
+        recorder.close()
+
+
 def _claimed(path: Path) -> int:
     """The directory, opened and locked; the lock goes when it is closed or the process ends."""
     try:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol.access import Access
+from protocol.interrupts import told_to
 from protocol.keys import robot_key, world_key
 from protocol.messages import FAILED_FOR
 from protocol.one_of_a_name import check_free
@@ -23,14 +24,16 @@ from world.core import WorldCore
 from world.engine import Arena
 from world.paced_core import PacedCore
 from world.recorder import Recorder, RecordingStopped
+from world.reports import Reporter, say_error
 from world.resuming import Resumed
 from world.run_directory import (
     RunDirectoryError,
     create,
+    discard,
     start_recording,
     write_summary,
 )
-from world.server import Server, Terms, say, say_error
+from world.server import Server, Terms
 from world.transport import report
 
 
@@ -41,11 +44,13 @@ async def run_world(
     out: Path | None,
     log: Callable[[str], None],
     terms: Terms,
+    report_to: Reporter,
     resumed: Resumed | None = None,
 ) -> int:
     """The world's life; returns the exit status. ``out``: directory for the recording, if any.
 
-    ``resumed``: a run to go on with, whose directory ``out`` is.
+    ``report_to`` gets all that happens. ``resumed``: a run to go on with, whose directory ``out``
+    is.
     """
     # Built first: a team that cannot be placed leaves nothing behind.
     kind = PacedCore if arena.scenario.clock == "wall" else WorldCore
@@ -58,26 +63,36 @@ async def run_world(
     except (RunDirectoryError, LinkError) as error:
         say_error(f"world: {error}")
         return 2 if isinstance(error, RunDirectoryError) else 1
-    try:
-        server = Server(core, link, terms, resumed)
-        recorder = _recorder(out, arena, run, resumed)
-        if recorder is not None:
-            server.record_with(recorder)
-        core.shows = True
-        if terms.parent:
-            reader = asyncio.get_running_loop().add_reader
-            reader(sys.stdin.fileno(), server.stop, "its starter is gone")
-        say({"listening" if access.listen else "connected": str(access)})
-        if not terms.parent:
-            kept = f"recording into {out}" if out else "recording nothing: --runs DIR would"
-            say_error(f"world: run {run} at {access}, {kept}; waiting for {', '.join(arena.ids)}")
-        ended = await server.serve()
-    except (RunDirectoryError, RecordingStopped) as error:
-        say_error(f"world: {error}")
-        return 1
-    finally:
-        await asyncio.to_thread(link.close)
-    return _conclude(server, ended, out, recorder)
+    server = Server(core, link, terms, report_to, resumed)
+    with told_to(server.interrupt):
+        try:
+            recorder = _recorder(out, arena, run, resumed)
+            ended = await _served(server, access, out, recorder)
+        except (RunDirectoryError, RecordingStopped) as error:
+            say_error(f"world: {error}")
+            return 1
+        finally:
+            await asyncio.to_thread(link.close)
+        return _conclude(server, ended, out, recorder)
+
+
+async def _served(
+    server: Server, access: Access, out: Path | None, recorder: Recorder | None
+) -> str:
+    """Say where the world is and run the hunt; returns how it ended."""
+    core, terms = server.core, server.terms
+    if recorder is not None:
+        server.record_with(recorder)
+    core.shows = True
+    if terms.parent:
+        reader = asyncio.get_running_loop().add_reader
+        reader(sys.stdin.fileno(), server.stop, "its starter is gone")
+    server.report({"listening" if access.listen else "connected": str(access)})
+    if not terms.parent:
+        kept = f"recording into {out}" if out else "recording nothing: --runs DIR would"
+        names = ", ".join(core.arena.ids)
+        say_error(f"world: run {core.run} at {access}, {kept}; waiting for {names}")
+    return await server.serve()
 
 
 def _recorder(out: Path | None, arena: Arena, run: str, resumed: Resumed | None) -> Recorder | None:
@@ -101,14 +116,16 @@ def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder |
     if isinstance(core, PacedCore) and server.punctuality is not None:
         extra["real_time"] = {**server.punctuality.as_dict(), "robots": core.summary()}
         transport = {"transport": report(core.traffic)}
-    if recorder is not None and out is not None:
+    if recorder is not None and out is not None and not server.has_begun:
+        discard(recorder, out)
+    elif recorder is not None and out is not None:
         try:
             with contextlib.closing(recorder):
                 write_summary(out, core.arena.scenario, result, core.run, extra | transport)
         except RecordingStopped as error:
             if not ended.startswith(FAILED_FOR):
                 result = replace(result, ended=f"{FAILED_FOR}{error}")
-    say({"result": asdict(result) | extra})
+    server.report({"result": asdict(result) | extra})
     if result.ended.startswith(FAILED_FOR):
         say_error(f"world: {result.ended.removeprefix(FAILED_FOR)}")
         return 1

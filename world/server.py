@@ -2,17 +2,14 @@
 
 As with the robot, asyncio supervises (joins, liveliness, signals, deadlines) and a thread runs the
 rounds; whoever of the two has something to do with the core holds its lock, until what comes of it
-was sent. Progress goes to standard output, one JSON object per line, for whoever started the
-process; what happens to robots goes to standard error as well.
+was sent. How it goes is told to whoever wants to know (``world.reports``); what happens to robots
+goes to standard error as well.
 """
 
 import asyncio
 import contextlib
 import gc
 import itertools
-import json
-import signal
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -31,6 +28,7 @@ from world.paced import run_by_clock
 from world.paced_core import PacedCore
 from world.pacing import Punctuality
 from world.recorder import Recorder, RecordingStopped
+from world.reports import Reporter, say_error
 from world.result import GO_ON
 from world.resuming import Resumed
 from world.telling import send, tell
@@ -78,11 +76,17 @@ class Server:
     """One run of one arena, over Zenoh."""
 
     def __init__(
-        self, core: WorldCore, link: ZenohLink, terms: Terms, resumed: Resumed | None = None
+        self,
+        core: WorldCore,
+        link: ZenohLink,
+        terms: Terms,
+        report_to: Reporter,
+        resumed: Resumed | None = None,
     ) -> None:
         self.link = link
         self.core = core
         self.terms = terms
+        self.report = report_to
         self.joined_s: float | None = None
         self.rounds_s = 0.0
         self.begun_unix_s: float | None = None
@@ -103,8 +107,6 @@ class Server:
         if self.core.ended is not None:
             return self.core.ended
         started = time.perf_counter()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._loop.add_signal_handler(number, self.stop, f"stopped by {number.name}")
         run = self.core.run
         self.link.watch(robot_key(run, "*", "alive"), self._alive_changed)
         self.link.tell_about(world_key(run, "about"), "world")
@@ -125,6 +127,16 @@ class Server:
             self._tell_failure()
             await self._until_told()
         return self.core.ended or ""
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is anything of the run: of one that was taken up there was before."""
+        return self.joined_s is not None or self._taken_up_tick is not None
+
+    def interrupt(self, name: str) -> None:
+        """End the run because of a signal; called as a signal handler is."""
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self.stop, f"stopped by {name}")
 
     def stop(self, reason: str) -> None:
         """End the run as failed. Later reasons are ignored."""
@@ -234,19 +246,20 @@ class Server:
             if state.tick != tick:
                 tick, waited_s, again_s = state.tick, 0.0, ASK_AGAIN_S
                 distances_m = state.geometry.distances[:-1, -1 - self._fixed].tolist()
-                say({"tick": tick, "distances_m": distances_m})
+                lost = list(self.core.lost)
+                self.report({"tick": tick, "distances_m": distances_m, "lost": lost})
             elif isinstance(self.core, PacedCore):
                 # The clock ends ticks, however long; silence would tell the starter of a hang.
                 if again_s < waited_s < self.core.arena.scenario.tick_s + ASK_AGAIN_S:
                     again_s += ASK_AGAIN_S
-                    say({"waiting": []})
+                    self.report({"waiting": []})
             elif waited_s > self._patience_s(tick):
                 waited_s, again_s = 0.0, ASK_AGAIN_S
                 self._act(partial(self._attendance.silent, tick, self._patience_s(tick)))
             elif waited_s > again_s:
                 # A router that was restarted has lost what was under way.
                 again_s += ASK_AGAIN_S
-                say({"waiting": self.core.table.waiting()})
+                self.report({"waiting": self.core.table.waiting()})
                 if tick != self._taken_up_tick:
                     self._act(self.core.unanswered)
             await asyncio.sleep(WATCH_PERIOD_S)
@@ -262,7 +275,7 @@ class Server:
         while self._told < len(departures):
             tick, robot, what = departures[self._told]
             self._told += 1
-            say({"departure": [tick, robot, what]})
+            self.report({"departure": [tick, robot, what]})
             say_error(f"world: tick {tick}: robot {robot} is {what}")
             if NO_ANSWER in what:
                 self._asking[robot] = asyncio.create_task(asyncio.to_thread(self._explain, robot))
@@ -285,7 +298,10 @@ class Server:
 
     def _robot_changed(self, key: str, alive: bool) -> None:
         change = self._attendance.came if alive else self._attendance.went
+        expected = self._attendance.expected
         self._act(lambda: change(parse_key(key).robot or ""), key)
+        if self._attendance.expected != expected and not self._attendance.begun:
+            self.report({"expected": list(self._attendance.expected)})
         if not self._attendance.expected:
             self._everyone.set()
 
@@ -299,16 +315,3 @@ class Server:
 
 async def _first_of(*futures: "asyncio.Future[Any]") -> None:
     await asyncio.wait(futures, return_when=asyncio.FIRST_COMPLETED)
-
-
-def say(event: dict[str, Any]) -> None:
-    """Tell the starter something; a starter that no longer listens is no reason to fail."""
-    try:
-        print(json.dumps(event), flush=True)
-    except BrokenPipeError:
-        sys.stdout = None
-
-
-def say_error(line: str) -> None:
-    """One line to standard error."""
-    print(line, file=sys.stderr, flush=True)

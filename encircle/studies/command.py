@@ -4,23 +4,13 @@ import json
 import shlex
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-
+from encircle.progress import Progress, Tell
 from encircle.studies.failures import last_line
 from encircle.studies.plan import load_plan
 from encircle.studies.report import write_report
@@ -28,6 +18,7 @@ from encircle.studies.sentences import findings
 from encircle.studies.study import Study
 from encircle.studies.summary import summarise
 from encircle.studies.workers import StudyFailed
+from protocol.interrupts import Interrupted, held, saying
 from world.remarks import ScenarioRemark
 
 
@@ -58,25 +49,11 @@ def run_study(request: Request) -> dict[str, Any]:
     study = Study(plan, request.out)
     for remark in plan.remarks():
         print(f"encircle: {remark}", file=sys.stderr, flush=True)
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=30),
-        MofNCompleteColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    ) as progress:
-        task = progress.add_task(plan.name, total=plan.runs)
-        done = _Count()
-
-        def tell(finished: int, _all: int) -> None:
-            done.runs = finished
-            progress.update(task, completed=finished)
-
-        ran = _run(study, request, tell, done)
-    with closing(study.open()) as table:
+    with held(), Progress(plan.name) as progress:
+        ran = _run(study, request, progress)
+    print(f"{plan.name}: writing the report", file=sys.stderr, flush=True)
+    done = f"; all {plan.runs} runs are done, the same command writes the report"
+    with saying(done, "the study stopped: "), closing(study.open()) as table:
         summary = summarise(plan, table) if table.whole_seeds else None
         report = write_report(plan, table, study.directory, request.command, summary=summary)
         failed = int(table.failed.sum())
@@ -96,11 +73,14 @@ def run_study(request: Request) -> dict[str, Any]:
     }
 
 
-class _Count:
+def _run(study: Study, request: Request, progress: Tell) -> int:
     runs = 0
 
+    def tell(done: int, of: int) -> None:
+        nonlocal runs
+        runs = done
+        progress(done, of)
 
-def _run(study: Study, request: Request, tell: Callable[[int, int], None], done: _Count) -> int:
     try:
         with warnings.catch_warnings():
             # They have been told in lines of their own.
@@ -108,10 +88,10 @@ def _run(study: Study, request: Request, tell: Callable[[int, int], None], done:
             return study.run(
                 link=request.link, workers=request.workers, cluster=request.cluster, progress=tell
             )
-    except KeyboardInterrupt:
+    except Interrupted as error:
         raise StudyFailed(
-            f"stopped by SIGINT; {done.runs} of {study.plan.runs} runs are done, the same command"
-            " goes on from here"
+            f"{error}; {runs} of {study.plan.runs} runs are done, the same command goes on from"
+            " here"
         ) from None
 
 

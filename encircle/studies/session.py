@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -27,6 +27,7 @@ from encircle.studies.work import FAILED, Row, Task, failed_row, row, run_seed
 from encircle.studies.workers import StudyFailed
 from protocol.access import Access
 from protocol.errors import LinkClosed
+from protocol.interrupts import check, is_kept
 from protocol.keys import robot_key, world_key
 from protocol.log import bounded_log
 from protocol.messages import FAILED_FOR
@@ -43,7 +44,7 @@ WATCH_PERIOD_S = 0.1
 Messages = list[tuple[int, str, bytes]]
 
 
-def over_zenoh(plan: Plan, tasks: Iterator[Task], code: str) -> Iterator[list[Row]]:
+def over_zenoh(plan: Plan, tasks: Iterator[Task], code: str) -> Generator[list[Row]]:
     """Run tasks one after the other through kept robot processes, a row at a time.
 
     ``code``: the digest of the sources that the robots, started here, import.
@@ -55,6 +56,7 @@ def over_zenoh(plan: Plan, tasks: Iterator[Task], code: str) -> Iterator[list[Ro
         for task in tasks:
             scenario = load(json.loads(task.scenario))
             for seed in task.seeds:
+                check()
                 session = session or stack.enter_context(Session(team))
                 found = _run(session, task, scenario, seed, told)
                 yield [found]
@@ -115,7 +117,7 @@ class Session:
     def _start(self) -> None:
         self._link.watch(robot_key(self._run, "*", "alive"), self._alive_changed)
         self._link.announce(world_key(self._run, "alive"))
-        options = ("--run", self._run, "--stay")
+        options = ("--run", self._run, "--stay", "--quiet")
         for robot in self._robots:
             self._processes[robot] = subprocess.Popen(
                 [sys.executable, "-m", "agents", robot, "--connect", self._endpoint, *options],
@@ -124,7 +126,11 @@ class Session:
                 env=without_settings(os.environ) | ONE_THREAD,
                 start_new_session=True,
             )
-        if not self._everyone.wait(JOIN_S_MAX):
+        deadline_s = time.monotonic() + JOIN_S_MAX
+        while not self._everyone.wait(WATCH_PERIOD_S):
+            check()
+            if time.monotonic() < deadline_s:
+                continue
             absent = ", ".join(sorted(set(self._robots) - self._alive))
             raise StudyFailed(f"{absent} did not join within {JOIN_S_MAX:g} s")
         threading.Thread(target=self._watch, daemon=True).start()
@@ -159,6 +165,7 @@ class Session:
         self._core = core
         run_rounds(core, self._link)
         if core.ended is None:
+            check()
             raise StudyFailed(self._trouble or "the link was closed")
         self._core = None
         if core.ended.startswith(FAILED_FOR):
@@ -195,7 +202,7 @@ class Session:
                 again_s += ASK_AGAIN_S
                 with contextlib.suppress(LinkClosed):
                     send(self._link, now.unanswered())
-            if self._trouble:
+            if self._trouble or is_kept():
                 self._link.close()
                 return
 

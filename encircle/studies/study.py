@@ -5,7 +5,7 @@
 
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from encircle.studies.sources import code
 from encircle.studies.table import StudyTable
 from encircle.studies.work import FAILED, TRACE, Row, Task
 from encircle.studies.workers import in_processes, on_cluster
+from protocol.interrupts import held
 from protocol.tracebacks import KEPT_IN
 from world.remarks import ScenarioRemark
 
@@ -56,24 +57,27 @@ class Study:
         processes that are kept. ``progress`` is called with the numbers of runs that are done and
         that there are. A run that fails stands as failed in the table, its traceback in a file
         under ``failed``, and the others go on. Raises ``StudyError`` for a directory that is
-        another study's and ``StudyFailed`` if not everything could be run; the same call then goes
-        on. Warns with ``ScenarioRemark`` of cells that may not be what was meant.
+        another study's and ``StudyFailed`` if not everything could be run, ``Interrupted`` after
+        Ctrl-C; the same call then goes on. Warns with ``ScenarioRemark`` of cells that may not be
+        what was meant.
         """
         if link not in LINKS:
             raise ValueError(f"link {link!r}: must be one of {', '.join(LINKS)}")
         for remark in self.plan.remarks():
             warnings.warn(remark, ScenarioRemark, stacklevel=2)
         tell = progress or (lambda _done, _all: None)
-        with closing(self.open()) as table:
+        with held(), closing(self.open()) as table:
             missing = int((~table.done).sum())
             done = self.plan.runs - missing
             tell(done, self.plan.runs)
             if missing:
                 todo = tasks(self.plan, table.done)
-                for rows in self._rows(todo, table.owner["code"], link, workers, cluster):
-                    table.append([self._without_trace(row) for row in rows])
-                    done += len(rows)
-                    tell(done, self.plan.runs)
+                sources = table.owner["code"]
+                with closing(self._rows(todo, sources, link, workers, cluster)) as finished:
+                    for rows in finished:
+                        table.append([self._without_trace(row) for row in rows])
+                        done += len(rows)
+                        tell(done, self.plan.runs)
             table.merge()
         return missing
 
@@ -109,7 +113,7 @@ class Study:
 
     def _rows(
         self, todo: Iterator[Task], code: str, link: str, workers: int | None, cluster: str | None
-    ) -> Iterator[list[Row]]:
+    ) -> Generator[list[Row]]:
         if link == "zenoh":
             from encircle.studies.session import over_zenoh
 

@@ -4,23 +4,21 @@ Both take tasks and yield rows as they are finished, in any order, with a bounde
 under way; what the rows say does not depend on who made them.
 """
 
-import os
-import signal
-import threading
 import time
-from collections.abc import Iterator
-from concurrent import futures
+from collections.abc import Generator, Iterator
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import connection, get_context, parent_process
+from contextlib import closing
 from typing import Any
 
+from encircle import pool
 from encircle.studies import work
 from encircle.studies.work import Row, Task
+from protocol.interrupts import check
 
 TASKS_PER_WORKER = 3
 CONNECT_S_MAX = 10.0
 WORKERLESS_S_MAX = 60.0
-POLL_S = 2.0
+POLL_S = 0.2
 RETRIES = 3
 
 
@@ -28,45 +26,24 @@ class StudyFailed(Exception):
     """A study that stopped before its end; what was finished is in its table."""
 
 
-def in_processes(tasks: Iterator[Task], code: str, workers: int) -> Iterator[list[Row]]:
+def in_processes(tasks: Iterator[Task], code: str, workers: int) -> Generator[list[Row]]:
     """Run tasks on processes of this machine.
 
     ``code``: the digest of the sources that they must run. ``StudyFailed`` if they do not, as when
     a source is changed now, or if one of them dies.
     """
-    # Not forked: a forked copy of a process with threads, as Zenoh's, may hang.
-    pool = futures.ProcessPoolExecutor(workers, get_context("spawn"), _prepare)
-    waiting: set[futures.Future[tuple[str, list[Row]]]] = set()
-    try:
-        for task in tasks:
-            waiting.add(pool.submit(work.run_task, task))
-            if len(waiting) >= TASKS_PER_WORKER * workers:
-                done, waiting = futures.wait(waiting, return_when=futures.FIRST_COMPLETED)
-                yield from (_checked(future.result(), code) for future in done)
-        yield from (_checked(f.result(), code) for f in futures.as_completed(waiting))
-    except BrokenProcessPool:
-        raise StudyFailed(
-            "a worker process died; the same command goes on from here"
-            ' (a script has to call it under `if __name__ == "__main__":`)'
-        ) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with closing(pool.in_processes(work.run_task, tasks, workers)) as done:
+        try:
+            for answer in done:
+                yield _checked(answer, code)
+        except BrokenProcessPool:
+            raise StudyFailed(
+                "a worker process died; the same command goes on from here"
+                ' (a script has to call it under `if __name__ == "__main__":`)'
+            ) from None
 
 
-def _prepare() -> None:
-    """In a new worker: leave Ctrl-C to the parent, and end when the parent does."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    assert parent is not None
-    connection.wait([parent.sentinel])
-    os._exit(1)
-
-
-def on_cluster(tasks: Iterator[Task], code: str, address: str) -> Iterator[list[Row]]:
+def on_cluster(tasks: Iterator[Task], code: str, address: str) -> Generator[list[Row]]:
     """Run tasks on the workers of the dask scheduler at an address.
 
     A worker that dies has its tasks run by another. Raises ``StudyFailed`` if there is no
@@ -104,6 +81,7 @@ def _some(client: Any, waiting: set[Any]) -> tuple[set[Any], set[Any]]:
 
     seen_s = time.monotonic()
     while True:
+        check()
         if client.nthreads():
             seen_s = time.monotonic()
         elif time.monotonic() - seen_s > WORKERLESS_S_MAX:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import time
 from collections.abc import Callable, Sequence
@@ -82,9 +83,8 @@ class Project:
 
     def tick(self) -> int:
         """How far the world has come."""
-        reports = [line.partition("{")[2] for line in self.logs("world").splitlines()]
-        ticks = [json.loads("{" + line)["tick"] for line in reports if line.startswith('"tick":')]
-        return max(ticks, default=-1)
+        ticks = re.findall(r"world: tick (\d+)", self.logs("world"))
+        return max(map(int, ticks), default=-1)
 
     def wait_for_tick(self, tick: int) -> None:
         """Until the world has come so far."""
