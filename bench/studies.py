@@ -15,7 +15,7 @@ from encircle.measures import measure
 from encircle.memory import run_in_memory
 from encircle.progress import Progress, Tell, no_progress
 from encircle.runlog import Collector
-from encircle.studies.plan import load_plan
+from encircle.studies.plan_files import load_plan
 from encircle.studies.study import Study
 from world.engine import build
 

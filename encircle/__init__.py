@@ -56,7 +56,7 @@ def study(
     ``run`` or ``table`` is called. Raises ``StudyError`` listing every problem.
     """
     # Imported late: a hunt needs no tables.
-    from encircle.studies.plan import load_plan
+    from encircle.studies.plan_files import load_plan
     from encircle.studies.study import Study
 
     return Study(load_plan(source, overrides, seeds), out)

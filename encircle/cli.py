@@ -74,6 +74,21 @@ def main() -> int:
     return 0
 
 
+def _read(run: Path) -> Any:
+    """A recording, with a word if it is not whole."""
+    from world.recording import read_recording
+
+    recording = read_recording(run)
+    if not recording.complete:
+        last = max((tick for tick, _, _ in recording.messages), default=0)
+        print(
+            f"encircle: {recording.path} is cut off or damaged: it can be read up to tick {last},"
+            " and what follows is left out",
+            file=sys.stderr,
+        )
+    return recording
+
+
 @app.command("run")
 def run_command(
     scenario: Annotated[
@@ -139,10 +154,10 @@ def replay_command(
 
     With --check, fresh brains get the recorded observations: do they decide the same?
     """
-    from encircle.replaying import read_recording, replay
+    from encircle.replaying import replay
 
+    recording = _read(run)
     if not check:
-        recording = read_recording(run)
         summary: dict[str, Any] = {
             "recording": str(recording.path),
             "run": recording.run,
@@ -156,7 +171,7 @@ def replay_command(
             json.dumps(summary) if as_json else "\n".join(f"{k:10} {v}" for k, v in summary.items())
         )
         return
-    found = replay(run)
+    found = replay(recording)
     if as_json:
         print(
             json.dumps(
@@ -199,10 +214,9 @@ def transport_command(
     from rich.console import Console
 
     from encircle.transport import show, traffic_of
-    from world.recording import read_recording
     from world.transport import report
 
-    found = report(traffic_of(read_recording(run)))
+    found = report(traffic_of(_read(run)))
     if as_json:
         print(json.dumps(found))
     else:
@@ -220,10 +234,9 @@ def trace_command(
     Loss and delay of a run by the clock, for the channel to replay.
     """
     from encircle.tracing import check_target, trace_of, write_trace
-    from world.recording import read_recording
 
     check_target(out)
-    trace = trace_of(read_recording(run))
+    trace = trace_of(_read(run))
     write_trace(trace, out)
     lost = sum(row.lost for row in trace.rows)
     if trace.delays_refused is not None:
@@ -286,7 +299,8 @@ def study_command(
     Writes its table, figures and report.
     """
     from encircle.hunts import LINKS
-    from encircle.studies.plan import StudyError, load_plan, shipped_studies
+    from encircle.studies.plan import StudyError
+    from encircle.studies.plan_files import load_plan, shipped_studies
 
     if link not in LINKS:
         raise typer.BadParameter(f"{link!r} is not one of {', '.join(LINKS)}", param_hint="--link")

@@ -17,7 +17,7 @@ from protocol.interrupts import Interrupted, held, saying
 from world.remarks import ScenarioRemark
 from world.resuming import read_last
 from world.run_directory import RECORDING, SUMMARY
-from world.scenario import Scenario, load
+from world.scenario import Scenario, ScenarioError, load, shipped
 
 
 class Wish(NamedTuple):
@@ -48,6 +48,20 @@ def _is_resumable(error: RunFailed | Interrupted, directory: Path) -> bool:
     return (directory / RECORDING).exists() and not (directory / SUMMARY).exists()
 
 
+def _load(wish: Wish) -> Scenario:
+    try:
+        return load(wish.scenario, wish.changes)
+    except ScenarioError:
+        # Imported late: who asks for a scenario need not wait for studies.
+        from encircle.studies.plan_files import shipped_studies
+
+        if wish.scenario in shipped_studies() and wish.scenario not in shipped():
+            raise ScenarioError(
+                f"scenario {wish.scenario!r} is a study: encircle study {wish.scenario}"
+            ) from None
+        raise
+
+
 def show_transport(directory: Path) -> None:
     """What the network did in a run by the clock, from its summary."""
     summary = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
@@ -58,7 +72,7 @@ def show_transport(directory: Path) -> None:
 def hunt_and_draw(wish: Wish, as_json: bool) -> None:
     """Run or resume a hunt, draw it, and show what came of it; raises as ``encircle.run``."""
     if wish.resume is None:
-        scenario = load(wish.scenario, wish.changes)
+        scenario = _load(wish)
         directory = wish.out or default_directory(wish.scenario, scenario.seed)
     else:
         scenario, directory = read_last(wish.resume).scenario, wish.resume

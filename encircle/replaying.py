@@ -36,12 +36,12 @@ class ReplayCheck:
         return self.compared > 0 and not self.differences
 
 
-def replay(path: str | Path) -> ReplayCheck:
+def replay(source: str | Path | Recording) -> ReplayCheck:
     """Feed a recording's observations to fresh brains and compare what they decide.
 
     ``PluginFailed`` if a strategy fails on them, as it may have done in the run.
     """
-    recording = read_recording(path)
+    recording = source if isinstance(source, Recording) else read_recording(source)
     run = recording.run
     if recording.scenario.clock == "wall":
         from encircle.real_time_replay import replay_by_clock

@@ -5,14 +5,24 @@ parameters in ``setup``; a robot refuses names it does not know.
 """
 
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import pi
 from typing import Any
 
+from protocol.nearest import did_you_mean
+
 XI_MAX = 100.0
 BODIES = ("radius_m", "target_radius_m", "step_m_max", "sensing_range_m", "stop_distance_m")
 """What every setup tells."""
+
+
+class Problems(ValueError):
+    """Several things that are wrong; ``lines`` has a sentence for each."""
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        super().__init__("; ".join(lines))
+        self.lines = tuple(lines)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +105,11 @@ class Parameters:
     def from_mapping(cls, values: Mapping[str, Any]) -> "Parameters":
         """Parameters with some values replaced.
 
-        Raises ``ValueError`` naming every unknown key and every value that makes no sense.
+        Raises ``Problems`` naming every unknown key and every value that makes no sense.
         """
         known: dict[str, Any] = {f.name: f.default for f in fields(cls)}
         problems = [
-            f"{name} = {shown(values[name])}: unknown parameter"
+            f"{name} = {shown(values[name])}: unknown parameter{did_you_mean(name, known)}"
             for name in values
             if name not in known
         ]
@@ -115,19 +125,18 @@ class Parameters:
                 if isinstance(value, str):
                     given[name] = value
                 else:
-                    problems.append(f"{name} = {shown(value)}: must be one of {_CHOICES[name]}")
+                    problems.append(f"{name} = {shown(value)}: {_one_of(name, value)}")
             elif default is not None and not _is_number(value):
                 problems.append(f"{name} = {shown(value)}: must be a number")
             elif isinstance(default, int) and value != int(value):
                 problems.append(f"{name} = {shown(value)}: must be a whole number")
             elif default is not None:
                 given[name] = type(default)(value)
-        if not problems:
-            parameters = cls(**given)
-            problems = parameters.problems()
-            if not problems:
-                return parameters
-        raise ValueError("; ".join(problems))
+        parameters = cls(**given)
+        problems += parameters.problems()
+        if problems:
+            raise Problems(problems)
+        return parameters
 
     def problems(self) -> list[str]:
         """What is wrong with the values; empty if nothing is."""
@@ -138,7 +147,8 @@ class Parameters:
                 found.append(f"{name} = {shown(value)}: must be from {low:g} to {high:g}")
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
-                found.append(f"{name} = {getattr(self, name)!r}: must be one of {choices}")
+                value = getattr(self, name)
+                found.append(f"{name} = {shown(value)}: {_one_of(name, value)}")
         grid = self.xi_grid
         if (
             not 1 <= len(grid) <= 64
@@ -157,6 +167,11 @@ class Parameters:
 
 
 shown = reprlib.repr  # neither deep nor far, whatever a stranger sends
+
+
+def _one_of(name: str, value: object) -> str:
+    choices = _CHOICES[name]
+    return f"must be one of {', '.join(choices)}{did_you_mean(value, choices)}"
 
 
 def _is_number(value: object) -> bool:

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from encircle.studies.plan import Plan, load_plan
+from encircle.studies.plan import Plan
+from encircle.studies.plan_files import load_plan
 from encircle.studies.table import StudyTable
 
 CODE = {"code": "c0de"}

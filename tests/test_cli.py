@@ -77,6 +77,19 @@ def test_replay_check_passes_on_an_honest_recording(tmp_path):
     assert json.loads(done.stdout)["same"] is True
 
 
+@pytest.mark.parametrize("options", [(), ("--check",), ("--json",), ("--check", "--json")])
+def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options):
+    encircle.run("sim1", link="memory", out=tmp_path / "run")
+    whole = command(tmp_path, "replay", "run", *options)
+    assert whole.stderr == ""
+    path = tmp_path / "run" / "recording.mcap"
+    path.write_bytes(path.read_bytes()[:-5000])
+    done = command(tmp_path, "replay", "run", *options)
+    assert done.returncode == 0
+    assert "recording.mcap is cut off or damaged: it can be read up to tick" in done.stderr
+    assert done.stdout.count("\n") == whole.stdout.count("\n")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -85,6 +98,15 @@ def test_replay_check_passes_on_an_honest_recording(tmp_path):
         (["run", "sim1", "--set", "target.speed=3"], "target.speed = 3: unknown key"),
         (["run", "sim1", "--set", "team.strategy=guess"], "unknown strategy"),
         (["run", "sim1", "--set", "nonsense"], "must be key=value"),
+        (["run", "sim11"], "(did you mean 'sim1'?)"),
+        (["run", "loss-delay"], "'loss-delay' is a study: encircle study loss-delay"),
+        (["run", "study.toml"], "has scenario, so it is a study: encircle study study.toml"),
+        (
+            ["study", "sim2"],
+            "'sim2' is a scenario, which has no axes: to run it once, encircle run",
+        ),
+        (["study", "mine.toml"], "'mine.toml' is a scenario, which has no axes"),
+        (["study", "los"], "(did you mean 'loss'?)"),
         (["run", "sim1", "--out", "full"], "full is not empty"),
         (["replay", "absent"], "absent cannot be read"),
         (["world", "sim1", "--listen", "tcp/127.0.0.1:1", "--run", "a/b"], "not a valid name"),
@@ -102,6 +124,8 @@ def test_replay_check_passes_on_an_honest_recording(tmp_path):
 def test_bad_usage_is_status_2_and_names_the_thing(tmp_path, arguments, said):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "precious").write_text("keep me")
+    (tmp_path / "study.toml").write_text('scenario = "sim1"\nseeds = 3\n')
+    (tmp_path / "mine.toml").write_text("[team]\nrobots = 3\n")
     done = command(tmp_path, *arguments)
     assert done.returncode == 2
     assert said in done.stderr

@@ -3,7 +3,8 @@
 import pytest
 
 import encircle
-from encircle.studies.plan import StudyError, load_plan
+from encircle.studies.plan import StudyError
+from encircle.studies.plan_files import load_plan
 from world.scenario import ScenarioError, digest_header, load
 
 

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 import encircle
-from encircle.studies.plan import load_plan
+from encircle.memory import run_in_memory
+from encircle.studies.plan_files import load_plan
+from world.engine import build
 from world.scenario import load, shipped
 
 SMALL = {"ticks_max": 3, "team": {"robots": 4}}
@@ -183,3 +185,48 @@ def test_a_world_started_by_hand_tells_on_standard_error(tmp_path):
     assert NEVER not in done.stdout
     assert [line.split(":")[0] for line in lines] == ["world"]
     assert done.returncode == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (["channel.delay.mean_s=300"], "channel.delay: 300 s on average (constant) is as long as"),
+        (["channel.delay.mean_s=60"], "(60 s: ticks_max = 600 ticks of 0.1 s): hardly a packet"),
+        (["channel.delay.mean_s=5.1"], "more than robot.peer_age_ticks_max = 50 ticks of 0.1 s"),
+        (["channel.delay.mean_s=5.0"], ""),
+        (["channel.delay.mean_s=5.1", "robot.peer_age_ticks_max=51"], ""),
+        (["channel.delay.mean_s=0.3"], ""),
+        (['channel.delay={model="uniform", low_s=0.0, high_s=130.0}'], "65 s on average (uniform)"),
+    ],
+)
+def test_a_delay_that_is_longer_than_the_run_or_than_robots_remember_is_questioned(changes, said):
+    found = remarks("ticks_max=600", *changes)
+    assert len(found) == bool(said)
+    assert said in "".join(found)
+
+
+def test_what_the_remark_says_of_late_packets_is_so():
+    """At a delay just above the limit nobody plans with anybody, just below it all do."""
+    teams = {}
+    for mean_s in (0.5, 0.6):
+        changes = [f"channel.delay.mean_s={mean_s}", "robot.peer_age_ticks_max=5"]
+        far = [[40.0, 0.0], [-40.0, 0.0], [0.0, 40.0]]
+        scenario = load({"ticks_max": 12, "team": {"positions": far}}, changes)
+        collected = Collector()
+        run_in_memory(build(scenario, 1), "aged", print, watch=collected)
+        teams[mean_s] = collected.teams[-1]
+        assert bool(scenario.remarks()) == (mean_s > 0.5)
+    assert teams == {0.5: [3, 3, 3], 0.6: [1, 1, 1]}
+
+
+class Collector:
+    """With how many robots each robot plans, by tick."""
+
+    def __init__(self):
+        self.teams = []
+
+    def decided(self, world, robots, answers):
+        self.teams.append([len(answer.command.team) for answer in answers])
+
+    def ended(self, world):
+        pass

@@ -12,7 +12,8 @@ from helpers_studies import ARMS, DELAY, LOSS, filled, study_plan
 from encircle.studies.chart_frames import scaled
 from encircle.studies.chart_lines import RATE, draw_against
 from encircle.studies.chart_maps import draw_maps
-from encircle.studies.plan import StudyError, load_plan
+from encircle.studies.plan import StudyError
+from encircle.studies.plan_files import load_plan
 from encircle.studies.report import write_report
 from encircle.studies.study import Study
 from encircle.studies.summary import summarise
@@ -112,7 +113,7 @@ def test_levels_that_come_out_alike_are_drawn_and_nothing_is_said_to_be_tolerate
         ({**LOSS, "show": "delivered"}, "not channel.loss.rate"),
         ({**ARMS, "show": "delivered"}, "not arms"),
         ({"name": "a", "key": "channel.delay.std_s", "values": [1], "show": "delivered"}, "std_s"),
-        ({**DELAY, "show": "measured"}, "'asked' or 'delivered'"),
+        ({**DELAY, "show": "measured"}, "must be one of asked, delivered"),
     ],
 )
 def test_only_delays_can_be_shown_as_delivered(axis, wrong):

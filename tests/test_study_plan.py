@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from encircle.measures import MEASURES
-from encircle.studies.plan import StudyError, load_plan, shipped_studies, toml
+from encircle.studies.plan import StudyError, toml
+from encircle.studies.plan_files import load_plan, shipped_studies
 from world.scenario import load
 
 LOSS = {"name": "loss", "key": "channel.loss.rate", "values": [0.0, 0.5]}

@@ -6,7 +6,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from encircle.studies import table as tables
-from encircle.studies.plan import StudyError, load_plan
+from encircle.studies.plan import StudyError
+from encircle.studies.plan_files import load_plan
 
 TREE = {
     "name": "tested",

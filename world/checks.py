@@ -3,7 +3,8 @@
 from math import hypot
 from typing import TYPE_CHECKING
 
-from protocol.parameters import Parameters
+from protocol.nearest import did_you_mean
+from protocol.parameters import Parameters, Problems
 from protocol.plugins import STRATEGIES, PluginBroken, installed
 from world.fields import ROBOTS_MAX
 from world.radio_checks import problems_of_radio
@@ -72,7 +73,8 @@ def _names(scenario: "Scenario") -> list[str]:
     strategies = installed(STRATEGIES)
     if scenario.team.strategy not in strategies:
         found.append(
-            f"team.strategy = {scenario.team.strategy!r}: unknown strategy;"
+            f"team.strategy = {scenario.team.strategy!r}: unknown strategy"
+            f"{did_you_mean(scenario.team.strategy, strategies)};"
             f" known are: {', '.join(sorted(strategies))}"
         )
     elif not (plugin := strategies[scenario.team.strategy]).shipped:
@@ -88,19 +90,21 @@ def _names(scenario: "Scenario") -> list[str]:
     else:
         try:
             check_parameters(behaviour, scenario.target.parameters)
-        except ValueError as error:
+        except Problems as error:
             found.extend(
                 f"target.parameters.{problem} (target.behaviour = {scenario.target.behaviour!r})"
-                for problem in str(error).split("; ")
+                for problem in error.lines
             )
+        except ValueError as error:
+            found.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
     found += [
         f"robot.{name} = {scenario.robot[name]!r}: belongs under team, target or capture"
         for name in sorted(set(scenario.robot) & set(scenario.bodies))
     ]
     try:
         Parameters.from_mapping(scenario.parameters)
-    except ValueError as error:
-        found.extend(f"robot.{problem}" for problem in str(error).split("; "))
+    except Problems as error:
+        found.extend(f"robot.{problem}" for problem in error.lines)
     return found
 
 

@@ -230,4 +230,5 @@ def _names(key: str, sender: str | None, receiver: str | None, ids: Sequence[str
 
 
 def _unknown(key: str, robot: str, ids: Sequence[str]) -> list[str]:
-    return [] if robot in ids else [f"{key} = {robot!r}: robots are {', '.join(ids)}"]
+    # Without any robot it is the team that is wrong.
+    return [] if robot in ids or not ids else [f"{key} = {robot!r}: robots are {', '.join(ids)}"]

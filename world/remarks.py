@@ -7,6 +7,7 @@ a line each: the commands on standard error, the Python API as a ``ScenarioRemar
 
 from typing import TYPE_CHECKING
 
+from protocol.parameters import Parameters
 from world.capture import ROBOTS_MIN, most_within
 from world.radio_model import Crash, Delay, delay_parts
 
@@ -20,7 +21,7 @@ class ScenarioRemark(UserWarning):
 
 def remarks_on(scenario: "Scenario") -> list[str]:
     """Plain sentences on a valid scenario, key and value first; empty if there are none."""
-    return [*_who_can_capture(scenario), *_short_delays(scenario)]
+    return [*_who_can_capture(scenario), *_delays(scenario)]
 
 
 def _who_can_capture(scenario: "Scenario") -> list[str]:
@@ -73,8 +74,8 @@ def _lost_for_good(scenario: "Scenario") -> list[str]:
     ]
 
 
-def _short_delays(scenario: "Scenario") -> list[str]:
-    """Delays that ticks make much longer, and what will come of them."""
+def _delays(scenario: "Scenario") -> list[str]:
+    """Delays that ticks make much longer, and what will come of them; and absurdly long ones."""
     parts = delay_parts(scenario.channel, scenario.ids)
     delayed = [(key, delay) for key, links, delay in parts if links.any() and delay != Delay()]
     if not delayed:
@@ -92,4 +93,23 @@ def _short_delays(scenario: "Scenario") -> list[str]:
                 f" the mean delay will be about {delivered_s_mean(delay, tick_s):.3g} s (with a"
                 " smaller tick_s less)"
             )
+        elif too_long := _too_long(scenario, asked_s):
+            found.append(f"{key}: {asked_s:.3g} s on average ({delay.model}) is {too_long}")
     return found
+
+
+def _too_long(scenario: "Scenario", asked_s: float) -> str:
+    """Longer than what, and what that means; empty for a delay that a hunt can bear."""
+    tick_s, ticks = scenario.tick_s, scenario.ticks_max
+    age_ticks = Parameters.from_mapping(scenario.parameters).peer_age_ticks_max
+    if asked_s >= ticks * tick_s:
+        return (
+            f"as long as the whole run or longer ({ticks * tick_s:g} s: ticks_max = {ticks} ticks"
+            f" of {tick_s:g} s): hardly a packet will ever arrive"
+        )
+    if asked_s > age_ticks * tick_s:
+        return (
+            f"more than robot.peer_age_ticks_max = {age_ticks} ticks of {tick_s:g} s: what arrives"
+            " is too old to count, and robots plan as if alone"
+        )
+    return ""

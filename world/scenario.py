@@ -15,12 +15,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from protocol import VERSION
+from protocol.parameters import Parameters
 from world.checks import problems_of
-from world.fields import ROBOTS_MAX, Length, Model, Position, shown
+from world.fields import ROBOTS_MAX, Length, Model, Position
 from world.radio_model import ChannelModel, Crash, Delay, Loss, Outage, Partition, Silence
 from world.remarks import remarks_on
 from world.scenario_files import ScenarioError, override, read, shipped
 from world.trace_files import inlined
+from world.validation import problems_in
 
 __all__ = [
     "Capture",
@@ -45,7 +47,9 @@ __all__ = [
 
 SPACING_BODIES = 1.5
 PROBLEMS_SHOWN_MAX = 100
-EVENT_KINDS = ("move-target", "silence", "outage", "partition", "crash")
+BODIES = ("radius_m", "target_radius_m", "step_m_max", "sensing_range_m", "stop_distance_m")
+ROBOT_KEYS = tuple(f"robot.{n}" for n in Parameters.__dataclass_fields__ if n not in BODIES)
+"""Keys that the model does not know of: it takes the robots' parameters as they are."""
 
 
 class Placement(Model):
@@ -197,17 +201,19 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
     a mapping or an override names it. Raises ``ScenarioError`` listing every problem.
     """
     name, tree = read(source)
+    problems = []
     for change in overrides:
-        override(tree, change)
-    problems = inlined(tree)
+        try:
+            override(tree, change)
+        except ScenarioError as error:
+            problems.append(str(error))
+    problems += inlined(tree)
     try:
         scenario = Scenario.model_validate(tree)
     except ValidationError as error:
-        problems += [
-            f"{'.'.join(_path(e['loc']))} = {shown(e['input'])}: {_plain(e['msg'])}"
-            for e in error.errors()
-        ]
-        problems += _further_problems(tree, [_path(e["loc"]) for e in error.errors()])
+        found = problems_in(error, Scenario, tree, ROBOT_KEYS)
+        problems += found.values()
+        problems += _further_problems(tree, [list(map(str, path)) for path in found])
         raise ScenarioError(_listed(name, problems)) from None
     if problems := problems + scenario.problems():
         raise ScenarioError(_listed(name, problems))
@@ -222,10 +228,6 @@ def digest_header(scenario: Scenario, seed: int) -> str:
     words = {"title", "description", "seed"}
     changed = scenario.model_dump(mode="json", exclude=words, exclude_defaults=True)
     return json.dumps({"version": VERSION, "seed": seed, "scenario": changed}, sort_keys=True)
-
-
-def _path(location: Sequence[str | int]) -> list[str]:
-    return [str(part) for part in location if part not in EVENT_KINDS]
 
 
 def _further_problems(tree: dict[str, Any], refused: list[list[str]]) -> list[str]:
@@ -248,10 +250,6 @@ def _further_problems(tree: dict[str, Any], refused: list[list[str]]) -> list[st
         # A value that was taken out may itself be what is missing now.
         if "give either" not in line and not any(key in line for key in touched)
     ]
-
-
-def _plain(message: str) -> str:
-    return "unknown key" if message == "Extra inputs are not permitted" else message
 
 
 def _listed(name: str, lines: Sequence[str]) -> str:

@@ -7,8 +7,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from protocol.nearest import did_you_mean
 from world.fields import shown
 from world.trace_files import anchored
+
+STUDY_KEYS = {"scenario", "axes", "strategies"}
+"""Keys that a study has and no scenario has."""
 
 
 class ScenarioError(ValueError):
@@ -33,14 +37,16 @@ def read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
             tree = json.load(file) if path.suffix == ".json" else tomllib.load(file)
             if not isinstance(tree, dict):
                 raise ScenarioError(f"scenario {str(source)!r} = {shown(tree)}: must be a table")
-            if "axes" in tree:
+            if of_study := sorted(STUDY_KEYS & tree.keys()):
                 raise ScenarioError(
-                    f"scenario {str(source)!r} has axes, so it is a study: encircle study {source}"
+                    f"scenario {str(source)!r} has {' and '.join(of_study)}, so it is a study:"
+                    f" encircle study {source}"
                 )
             return str(source), anchored(tree, path.parent)
     except (FileNotFoundError, IsADirectoryError):
         raise ScenarioError(
             f"scenario {str(source)!r} is neither a file nor one of: {', '.join(known)}"
+            f"{did_you_mean(source, known)}"
         ) from None
     except ScenarioError:
         raise
@@ -62,20 +68,30 @@ def override(tree: dict[str, Any], change: str) -> None:
         value = text
     *path, last = key.split(".")
     place: Any = tree
-    try:
-        for part in path:
-            if isinstance(place, list):
-                place = place[int(part)]
-            else:
-                # A scenario that was written out in full has null for a table that it has not.
-                place[part] = {} if place.get(part) is None else place[part]
-                place = place[part]
-        if isinstance(place, list):
-            place[int(last)] = value
-        else:
-            place[last] = value
-    except (ValueError, IndexError, TypeError, AttributeError):
-        raise ScenarioError(f"override {change!r}: there is no such key") from None
+    for depth, part in enumerate(path):
+        # A scenario that was written out in full has null for a table that it has not.
+        if isinstance(place, dict) and place.get(part) is None:
+            place[part] = {}
+        place = place[_key_in(place, part, path[:depth], change)]
+    place[_key_in(place, last, path, change)] = value
+
+
+def _key_in(place: Any, part: str, path: list[str], change: str) -> str | int:
+    """The key of a part of a table or list; ``ScenarioError`` if it can have none."""
+    if isinstance(place, dict):
+        return part
+    where = ".".join(path)
+    if not isinstance(place, list):
+        raise ScenarioError(
+            f"override {change!r}: there is no such key, for {where} = {shown(place)} is no table"
+        )
+    if not (part.isascii() and part.isdigit() and int(part) < len(place)):
+        numbers = f"they are numbered from 0 to {len(place) - 1}" if place else "it has none"
+        raise ScenarioError(
+            f"override {change!r}: there is no such key, for {where} is a list, and {part!r} not"
+            f" the number of one of its items: {numbers}"
+        )
+    return int(part)
 
 
 def _copied(tree: Any) -> Any:

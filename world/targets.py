@@ -6,16 +6,27 @@ its parameters, set in the scenario under ``target.parameters``.
 """
 
 import inspect
-import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from math import atan2, cos, hypot, pi, sin
 from typing import Annotated, Any, NamedTuple, TypeAlias, get_type_hints
 
-from pydantic import ConfigDict, Field, ValidationError, create_model
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from protocol.messages import Point
-from protocol.plugins import TARGET, TARGETS, BadAnswer, PluginFailed, installed, pair_of_m, shown
+from protocol.nearest import did_you_mean
+from protocol.parameters import Problems
+from protocol.plugins import (
+    TARGET,
+    TARGETS,
+    BadAnswer,
+    PluginFailed,
+    error_line,
+    installed,
+    pair_of_m,
+    shown,
+)
+from world.validation import problems_in
 
 EQUAL_RAD = 1e-9
 """Gaps are as wide if they are so in whole multiples of this."""
@@ -127,7 +138,9 @@ def behaviour_named(name: str) -> Behaviour:
     found = installed(TARGETS)
     if name not in found:
         known = ", ".join(sorted({*BUILT_IN, *found}))
-        raise ValueError(f"unknown behaviour; known are: {known}")
+        raise ValueError(
+            f"unknown behaviour{did_you_mean(name, {*BUILT_IN, *found})}; known are: {known}"
+        )
     behaviour: Behaviour = found[name].load()
     return behaviour
 
@@ -146,29 +159,31 @@ def act(
 
 
 def check_parameters(behaviour: Behaviour, parameters: Mapping[str, Any]) -> None:
-    """``ValueError`` listing parameters that the behaviour lacks, needs or cannot take.
+    """``Problems`` listing parameters that the behaviour lacks, needs or cannot take.
 
-    Values are checked against the annotations of the behaviour's keyword-only arguments.
+    Values are checked against the annotations of the behaviour's keyword-only arguments. Another
+    ``ValueError`` if those cannot be understood.
     """
+    try:
+        model = _model_of(behaviour)
+    except Exception as error:
+        # They are other people's code.
+        raise ValueError(f"its parameters cannot be understood: {error_line(error)}") from None
+    tree = dict(parameters)
+    try:
+        model.model_validate(tree)
+    except ValidationError as error:
+        raise Problems(list(problems_in(error, model, tree).values())) from None
+
+
+def _model_of(behaviour: Behaviour) -> type[BaseModel]:
     hints = get_type_hints(behaviour, include_extras=True)
     wanted: dict[str, Any] = {
         name: (hints.get(name, Any), ... if p.default is p.empty else p.default)
         for name, p in inspect.signature(behaviour).parameters.items()
         if p.kind is p.KEYWORD_ONLY
     }
-    model = create_model("Parameters", __config__=ConfigDict(extra="forbid"), **wanted)
-    try:
-        model.model_validate(dict(parameters))
-    except ValidationError as error:
-        raise ValueError("; ".join(map(_problem, error.errors()))) from None
-
-
-def _problem(error: Any) -> str:
-    key = ".".join(map(str, error["loc"]))
-    if error["type"] == "missing":
-        return f"{key} is missing"
-    what = "unknown parameter" if error["type"] == "extra_forbidden" else error["msg"]
-    return f"{key} = {reprlib.repr(error['input'])}: {what}"
+    return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **wanted)
 
 
 def _step(heading_rad: float, length_m: float) -> Point:

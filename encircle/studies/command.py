@@ -12,7 +12,7 @@ from typing import Any
 
 from encircle.progress import Progress, Tell
 from encircle.studies.failures import last_line
-from encircle.studies.plan import load_plan
+from encircle.studies.plan_files import load_plan
 from encircle.studies.report import write_report
 from encircle.studies.sentences import findings
 from encircle.studies.study import Study

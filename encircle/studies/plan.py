@@ -11,38 +11,72 @@ titles nor seeds: more seeds can be added to a table later.
 import hashlib
 import itertools
 import json
-import tomllib
+import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from importlib import resources
-from math import prod
-from pathlib import Path
+from math import isfinite, prod
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
+    FiniteFloat,
     PrivateAttr,
-    ValidationError,
     model_validator,
 )
 
 from encircle.measures import MEASURES
 from protocol.plugins import GROUPS, STRATEGIES, TARGETS, installed
+from world.fields import shown
 from world.scenario import Scenario, ScenarioError, load
 
 CELLS_MAX = 100_000
 CELLS_NAMED_MAX = 4
 SEEDS_MAX = 1_000_000
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
+Bound = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
+NAME = re.compile(r"[a-z][a-z0-9_]{0,30}")
 RESERVED = ("cell", "seed", "digest", "captured", "ticks", "failed", "wall_s", "code", "versions")
 STRATEGY = "strategy"
 DELIVERED = "delay_s_mean"
 """The measure of the delay that came of the radio."""
 DELAYS = ("channel.delay.mean_s", "channel.delay.low_s", "channel.delay.high_s")
 """Keys that ask for a delay, in s."""
+
+
+SEEDS = f"must be a number from 1 to {SEEDS_MAX}, or a list of different seeds from 0 to 2^63 - 1"
+
+
+def _seeds(value: Any) -> Any:
+    """Seeds as they are, so that nothing but a number or a list of numbers goes further."""
+    if isinstance(value, list | tuple):
+        good = (
+            0 < len(value) <= SEEDS_MAX
+            and all(type(seed) is int and 0 <= seed < 2**63 for seed in value)
+            and len(set(value)) == len(value)
+        )
+    else:
+        good = type(value) is int and 0 < value <= SEEDS_MAX
+    if not good:
+        raise ValueError(SEEDS)
+    return value
+
+
+def _scenario(value: Any) -> Any:
+    if not isinstance(value, str | dict):
+        raise ValueError("must be a shipped scenario's name, a file's, or a table")
+    return value
+
+
+def _name(value: str) -> str:
+    if NAME.fullmatch(value) is None:
+        raise ValueError(
+            "must begin with a small letter and have small letters, digits and _ only, at most 31"
+        )
+    return value
 
 
 class StudyError(ValueError):
@@ -56,8 +90,8 @@ class _Model(BaseModel):
 class Range(_Model):
     """``count`` evenly spaced levels from ``first`` to ``last``, both included."""
 
-    first: float
-    last: float
+    first: Bound
+    last: Bound
     count: Annotated[int, Field(ge=2, le=1000)]
 
 
@@ -76,14 +110,14 @@ class Axis(_Model):
     delay in s that was delivered at each, ``delivered_s``.
     """
 
-    name: Name
+    name: Annotated[str, AfterValidator(_name)]
     key: str | None = None
     values: tuple[Any, ...] | None = None
     range: Range | None = None
     arms: tuple[Arm, ...] | None = None
     label: str = ""
     unit: str = ""
-    scale: float = 1.0
+    scale: FiniteFloat = 1.0
     show: Literal["asked", "delivered"] = "asked"
     _delivered_s: tuple[float, ...] | None = PrivateAttr(None)
 
@@ -96,7 +130,15 @@ class Axis(_Model):
             raise ValueError("values and range need a key, arms have their own under set")
         if not self.levels:
             raise ValueError("an axis needs at least one level")
-        if len({_text(level) for level in self.levels}) < len(self.levels):
+        try:
+            texts = {_text(level) for level in self.levels}
+            if self.numeric and not all(isfinite(float(level)) for level in self.levels):
+                raise OverflowError
+        except (TypeError, OverflowError):
+            raise ValueError(
+                "levels must be finite numbers, texts, truth values, or lists and tables of those"
+            ) from None
+        if len(texts) < len(self.levels):
             raise ValueError(f"every level once, not {list(self.levels)}")
         if self.show == "delivered" and not (self.key in DELAYS and self.numeric):
             raise ValueError(
@@ -172,12 +214,12 @@ class Plan(_Model):
     name: str = "study"
     title: str = ""
     question: str = ""
-    scenario: str | dict[str, Any]
+    scenario: Annotated[str | dict[str, Any], BeforeValidator(_scenario)]
     set: dict[str, Any] = {}
     changes: tuple[str, ...] = ()
     axes: tuple[Axis, ...] = ()
     strategies: tuple[str, ...] = ()
-    seeds: int | tuple[int, ...] = 40
+    seeds: Annotated[int | tuple[int, ...], BeforeValidator(_seeds)] = 40
     measures: tuple[str, ...] = ()
     compare: str | None = None
     baseline: str | None = None
@@ -260,24 +302,6 @@ class Plan(_Model):
         lines = [line for axis, place in levels for line in _lines(axis.changes(place))]
         return load(self.scenario, [*_lines(self.set), *self.changes, *lines])
 
-    def problems(self) -> list[str]:
-        """What is wrong with the study, cells included; empty if nothing is."""
-        found = [*_problems_of_names(self), *_problems_of_size(self)]
-        if found:
-            return found
-        seen: dict[str, str] = {}
-        for cell in range(len(self.cells)):
-            try:
-                if self.scenario_of(cell).clock == "wall":
-                    raise ScenarioError(
-                        "clock = 'wall': a study pairs runs that can be repeated; use 'lockstep'"
-                    )
-            except ScenarioError as error:
-                for line in str(error).splitlines()[1:] or [str(error)]:
-                    where = ", ".join(f"{k} = {v}" for k, v in self.levels(cell).items())
-                    seen.setdefault(line.strip(), where)
-        return [f"{line} (at {where or 'the base'})" for line, where in seen.items()]
-
     def remarks(self) -> list[str]:
         """What is worth knowing of the cells before they are run, each sentence once."""
         cells: dict[str, list[int]] = {}
@@ -305,98 +329,6 @@ def _where(plan: Plan, cells: Sequence[int]) -> str:
     return f"at {'; '.join(named[:CELLS_NAMED_MAX])}{rest}"
 
 
-def _problems_of_names(plan: Plan) -> list[str]:
-    found = []
-    names = [axis.name for axis in plan.all_axes]
-    taken = {*RESERVED, *MEASURES}
-    found += [f"axes: {n!r} stands twice" for n in sorted(set(names)) if names.count(n) > 1]
-    found += [
-        f"axes.{k}.name = {n!r}: is a column of the table"
-        for k, n in enumerate(names)
-        if n in taken
-    ]
-    found += [
-        f"measures: {name!r} is not known; known are: {', '.join(MEASURES)}"
-        for name in plan.measures
-        if name not in MEASURES
-    ]
-    if plan.compare is not None and plan.compare not in names:
-        found.append(f"compare = {plan.compare!r}: must be one of the axes {', '.join(names)}")
-    if plan.baseline is not None:
-        axis = plan.compared
-        if axis is None or plan.baseline not in map(str, axis.levels):
-            known = ", ".join(map(str, axis.levels)) if axis else "none, as nothing is compared"
-            found.append(f"baseline = {plan.baseline!r}: must be one of the levels ({known})")
-    return found
-
-
-def _problems_of_size(plan: Plan) -> list[str]:
-    found = []
-    seeds = plan.seed_list
-    if any(axis.key == "seed" for axis in plan.axes) or "seed" in plan.set:
-        found.append("key 'seed': every cell is run with the study's seeds, give those")
-    if (
-        not 1 <= len(seeds) <= SEEDS_MAX
-        or len(set(seeds)) < len(seeds)
-        or not 0 <= min(seeds) <= max(seeds) < 2**63
-    ):
-        found.append(
-            f"seeds = {_shown(plan.seeds)}: must be a number from 1 to {SEEDS_MAX},"
-            " or different seeds from 0 to 2^63 - 1"
-        )
-    cells = 1
-    for axis in plan.all_axes:
-        cells *= len(axis.levels)
-    if cells > CELLS_MAX:
-        found.append(f"axes: {cells} cells, at most {CELLS_MAX} are allowed")
-    return found
-
-
-def load_plan(
-    source: str | Path | Mapping[str, Any], changes: Sequence[str] = (), seeds: int | None = None
-) -> Plan:
-    """A study from a shipped name, a TOML file or a mapping; checked with all its cells.
-
-    ``changes``: ``key=value`` for the base scenario, as on the command line. ``seeds``: how many,
-    instead of the study's own. Raises ``StudyError`` listing every problem.
-    """
-    name, tree, folder = _read(source)
-    tree.setdefault("name", name)
-    if seeds is not None:
-        tree["seeds"] = seeds
-    try:
-        tree["scenario"] = _base(tree.get("scenario"), folder)
-        plan = Plan.model_validate({**_anchored(tree, folder), "changes": tuple(changes)})
-    except ValidationError as error:
-        lines = [
-            f"{_path(e['loc'])} = {_shown(e['input'])}: {_plain(e['msg'])}" for e in error.errors()
-        ]
-        raise StudyError(_listed(name, lines)) from None
-    except ScenarioError as error:
-        raise StudyError(_listed(name, [f"scenario: {error}"])) from None
-    if problems := plan.problems():
-        raise StudyError(_listed(name, problems))
-    return plan
-
-
-def _base(source: Any, folder: Path) -> Any:
-    """The base scenario as a tree; one that stands in the study itself need not be whole yet."""
-    if not isinstance(source, str):
-        return source
-    here = folder / source
-    return load(here if here.is_file() else source).model_dump(mode="json", exclude_unset=True)
-
-
-def _anchored(tree: Any, folder: Path, key: str = "") -> Any:
-    """A study's tree with relative names of traces' files taken to lie beside it."""
-    if isinstance(tree, Mapping):
-        return {name: _anchored(value, folder, name) for name, value in tree.items()}
-    if isinstance(tree, list | tuple):
-        return [_anchored(value, folder, key) for value in tree]
-    is_file = isinstance(tree, str) and (key == "file" or key.endswith(".file"))
-    return str(folder.resolve() / tree) if is_file else tree
-
-
 def _numbers(scenario: Scenario) -> dict[str, Any]:
     """What of a scenario its numbers depend on, but for the seed."""
     words = {"title", "description", "seed"}
@@ -404,32 +336,13 @@ def _numbers(scenario: Scenario) -> dict[str, Any]:
 
 
 def _lines(changes: Mapping[str, Any]) -> list[str]:
-    return [f"{key}={toml(value)}" for key, value in changes.items()]
-
-
-def shipped_studies() -> dict[str, Path]:
-    """The studies that come with the package, by name."""
-    folder = resources.files("encircle.studies") / "shipped"
-    files = [Path(str(f)) for f in folder.iterdir() if f.name.endswith(".toml")]
-    return {path.stem: path for path in sorted(files)}
-
-
-def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], Path]:
-    if isinstance(source, Mapping):
-        return str(source.get("name", "study")), dict(source), Path()
-    known = shipped_studies()
-    path = known.get(str(source), Path(source))
     try:
-        with open(path, "rb") as file:
-            return path.stem, tomllib.load(file), path.parent
-    except (FileNotFoundError, IsADirectoryError):
-        raise StudyError(
-            f"study {str(source)!r} is neither a file nor one of: {', '.join(known)}"
+        return [f"{key}={toml(value)}" for key, value in changes.items()]
+    except TypeError:
+        # Such as a date.
+        raise ScenarioError(
+            f"set = {shown(changes)}: must have numbers, texts, truth values, lists and tables only"
         ) from None
-    except ValueError as error:  # tomllib's errors, and wrong UTF-8
-        raise StudyError(f"study {str(source)!r} cannot be parsed: {error}") from None
-    except OSError as error:
-        raise StudyError(f"study {str(source)!r} cannot be read: {error.strerror}") from None
 
 
 def toml(value: Any) -> str:
@@ -443,25 +356,3 @@ def toml(value: Any) -> str:
 
 def _text(tree: Any) -> str:
     return json.dumps(tree, sort_keys=True)
-
-
-def _path(location: Sequence[str | int]) -> str:
-    return ".".join(str(part) for part in location) or "study"
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:80] + "..."
-
-
-def _plain(message: str) -> str:
-    return (
-        "unknown key"
-        if message.startswith("Extra inputs")
-        else message.removeprefix("Value error, ")
-    )
-
-
-def _listed(name: str, lines: Sequence[str]) -> str:
-    many = "one problem" if len(lines) == 1 else f"{len(lines)} problems"
-    return "\n".join([f"study {name!r} has {many}:", *(f"  {line}" for line in lines)])

@@ -1,0 +1,134 @@
+"""Studies as they are read: from a shipped file, one of the user's, or a mapping; and checked.
+
+Everything that is wrong is found before anything runs and listed at once: in the base scenario, in
+the study's own keys, and in every cell, as far as what is left can be understood.
+"""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from encircle.studies.plan import Plan, StudyError
+from encircle.studies.plan_problems import lines_of, problems_of
+from protocol.nearest import did_you_mean
+from world import scenario as scenarios
+from world.scenario import Scenario, ScenarioError, load
+from world.validation import problems_in
+
+
+def load_plan(
+    source: str | Path | Mapping[str, Any], changes: Sequence[str] = (), seeds: int | None = None
+) -> Plan:
+    """A study from a shipped name, a TOML file or a mapping; checked with all its cells.
+
+    ``changes``: ``key=value`` for the base scenario, as on the command line. ``seeds``: how many,
+    instead of the study's own. Raises ``StudyError`` listing every problem.
+    """
+    name, tree, folder = _read(source)
+    tree.setdefault("name", name)
+    if seeds is not None:
+        tree["seeds"] = seeds
+    of_base: list[str] = []
+    try:
+        if "scenario" in tree:
+            tree["scenario"] = _base(tree["scenario"], folder)
+    except ScenarioError as error:
+        of_base = [f"scenario: {line}" for line in lines_of(error)]
+    plan, refused = _validated({**_anchored(tree, folder), "changes": tuple(changes)})
+    problems = [*of_base, *refused.values()]
+    if plan is not None:
+        left_out = {str(path[0]) for path in refused} | ({"scenario"} if of_base else set())
+        problems += problems_of(plan, left_out)
+    if plan is None or problems:
+        raise StudyError(_listed(name, problems))
+    return plan
+
+
+def shipped_studies() -> dict[str, Path]:
+    """The studies that come with the package, by name."""
+    folder = resources.files("encircle.studies") / "shipped"
+    files = [Path(str(f)) for f in folder.iterdir() if f.name.endswith(".toml")]
+    return {path.stem: path for path in sorted(files)}
+
+
+def _validated(tree: dict[str, Any]) -> tuple[Plan | None, dict[tuple[str | int, ...], str]]:
+    """The plan without what is refused, None if nothing is left of it; what is refused, by place.
+
+    A bad axis is left out alone, any other key as a whole.
+    """
+    try:
+        return Plan.model_validate(tree), {}
+    except ValidationError as error:
+        refused = problems_in(error, Plan, tree)
+    places = {path[1] for path in refused if path[0] == "axes" and len(path) > 1}
+    keys = {path[0] for path in refused if path[0] != "axes" or len(path) == 1}
+    rest = {key: value for key, value in tree.items() if key not in keys}
+    if places and "axes" in rest:
+        rest["axes"] = [axis for place, axis in enumerate(rest["axes"]) if place not in places]
+    try:
+        return Plan.model_validate({"scenario": {}, **rest}), refused
+    except ValidationError:
+        return None, refused
+
+
+def _base(source: Any, folder: Path) -> Any:
+    """The base scenario as a tree; one that stands in the study itself need not be whole yet."""
+    if not isinstance(source, str):
+        return source
+    here = folder / source
+    try:
+        beside = here.is_file()
+    except OSError:  # what can be no file's name
+        beside = False
+    return load(here if beside else source).model_dump(mode="json", exclude_unset=True)
+
+
+def _anchored(tree: Any, folder: Path, key: str = "") -> Any:
+    """A study's tree with relative names of traces' files taken to lie beside it."""
+    if isinstance(tree, Mapping):
+        return {name: _anchored(value, folder, name) for name, value in tree.items()}
+    if isinstance(tree, list | tuple):
+        return [_anchored(value, folder, key) for value in tree]
+    is_file = isinstance(tree, str) and (key == "file" or key.endswith(".file"))
+    return str(folder.resolve() / tree) if is_file else tree
+
+
+def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], Path]:
+    if isinstance(source, Mapping):
+        return str(source.get("name", "study")), dict(source), Path()
+    known = shipped_studies()
+    path = known.get(str(source), Path(source))
+    try:
+        with open(path, "rb") as file:
+            tree = tomllib.load(file)
+    except (FileNotFoundError, IsADirectoryError):
+        if str(source) in scenarios.shipped():
+            raise _is_scenario(source) from None
+        raise StudyError(
+            f"study {str(source)!r} is neither a file nor one of: {', '.join(known)}"
+            f"{did_you_mean(source, known)}"
+        ) from None
+    except ValueError as error:  # tomllib's errors, and wrong UTF-8
+        raise StudyError(f"study {str(source)!r} cannot be parsed: {error}") from None
+    except OSError as error:
+        raise StudyError(f"study {str(source)!r} cannot be read: {error.strerror}") from None
+    only_scenarios = Scenario.model_fields.keys() - Plan.model_fields.keys()
+    if "scenario" not in tree and "axes" not in tree and only_scenarios & tree.keys():
+        raise _is_scenario(source)
+    return path.stem, tree, path.parent
+
+
+def _is_scenario(source: object) -> StudyError:
+    return StudyError(
+        f"study {str(source)!r} is a scenario, which has no axes: to run it once, encircle run"
+        f" {source}; a study names it with scenario = {str(source)!r}"
+    )
+
+
+def _listed(name: str, lines: Sequence[str]) -> str:
+    many = "one problem" if len(lines) == 1 else f"{len(lines)} problems"
+    return "\n".join([f"study {name!r} has {many}:", *(f"  {line}" for line in lines)])

@@ -1,0 +1,21 @@
+"""The known name that comes nearest to one that is not known, for messages that refuse it."""
+
+from collections.abc import Iterable
+
+LIKENESS_MIN = 0.6
+NAMED_MAX = 3
+
+
+def did_you_mean(name: object, known: Iterable[str], likeness_min: float = LIKENESS_MIN) -> str:
+    """`` (did you mean 'flee'?)``, or nothing if no known name is like it."""
+    # Only who has made a mistake waits for it.
+    from difflib import get_close_matches
+
+    found = get_close_matches(str(name), list(known), 1, likeness_min)
+    return suggestion(found)
+
+
+def suggestion(names: Iterable[str]) -> str:
+    """Names, a few at most, as what was perhaps meant; empty if there are none."""
+    found = list(dict.fromkeys(names))[:NAMED_MAX]
+    return f" (did you mean {' or '.join(map(repr, found))}?)" if found else ""
