@@ -28,8 +28,14 @@ def checked(choice: Any) -> Choice:
 
 
 def _check_text(name: str, value: Any) -> None:
-    if type(value) is not str or len(value) > TEXT_MAX:
-        raise BadAnswer(f"{name} = {shown(value)}: must be text of at most {TEXT_MAX} characters")
+    if type(value) is str and len(value) <= TEXT_MAX and (value.isascii() or _is_sound(value)):
+        return
+    raise BadAnswer(f"{name} = {shown(value)}: must be text of at most {TEXT_MAX} characters")
+
+
+def _is_sound(text: str) -> bool:
+    """Whether there is no half of a character in it, which cannot be sent."""
+    return text.encode(errors="replace").decode() == text
 
 
 def _prediction_step(xi: Any) -> float | None:
@@ -37,7 +43,7 @@ def _prediction_step(xi: Any) -> float | None:
         return None
     try:
         number = float(xi)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = NUMBER_MAX
     if isinstance(xi, str) or not -NUMBER_MAX < number < NUMBER_MAX:
         raise BadAnswer(f"xi = {shown(xi)}: must be a prediction step, or None")

@@ -15,7 +15,7 @@ from helpers_agents import BODIES, observation
 import encircle
 from agents.choices import checked
 from agents.core import RobotCore
-from agents.strategies import Choice
+from agents.strategies import Choice, strategy_named
 from encircle.launch import RunFailed, free_endpoint
 from encircle.replaying import read_recording, replay
 from protocol.codec import decode, encode
@@ -25,6 +25,7 @@ from protocol.plugins import BadAnswer, PluginFailed
 from world.core import WorldCore
 from world.engine import build
 from world.scenario import ScenarioError, load
+from world.targets import behaviour_named
 
 S_MAX = 100.0
 SOURCE = """
@@ -115,6 +116,8 @@ def installed(tmp_path_factory, monkeypatch):
     plugins.make_importable(folder, monkeypatch)
     yield folder
     plugins.forget(folder)
+    behaviour_named.cache_clear()
+    strategy_named.cache_clear()
 
 
 def scenario(name, **changes):
@@ -318,6 +321,23 @@ def test_replay_tells_of_a_strategy_that_fails(tmp_path, installed):
     check_line(error.strip(), "raises").unlink()
 
 
+@pytest.mark.parametrize("link", ["memory", "zenoh"])
+def test_a_target_that_fails_while_a_run_is_taken_up_ends_it_with_its_line(
+    link, tmp_path, installed
+):
+    source = installed / "failing.py"
+    source.write_text(SOURCE.replace("view.tick == 5", "view.tick == 500"))
+    encircle.run(scenario("tires"), link="memory", out=tmp_path / "run")
+    recording = tmp_path / "run" / "recording.mcap"
+    recording.write_bytes(recording.read_bytes()[:-3000])
+    source.write_text(SOURCE)
+    plugins.forget(installed)
+    behaviour_named.cache_clear()
+    with pytest.raises(RunFailed) as caught:
+        encircle.resume(tmp_path / "run", link=link)
+    assert check_line(str(caught.value), "tires").parent == tmp_path / "run"
+
+
 def test_a_recording_of_a_plug_in_that_is_missing_here_says_so(tmp_path, monkeypatch, installed):
     with pytest.raises(RunFailed):
         encircle.run(scenario("tires"), link="memory", out=tmp_path / "run")
@@ -380,14 +400,14 @@ class _Rude:
 @pytest.mark.parametrize(
     ("name", "values"),
     [
-        ("mode", [None, 1, b"x", "x" * 300, "failed", "stop", _Rude()]),
+        ("mode", [None, 1, b"x", "x" * 300, "failed", "stop", "\ud800", _Rude()]),
         ("step", [None, 1.0, (1.0,), (1.0, 2.0, 3.0), "ab", ("1", "2"), (True, 0), (1e10, 0.0)]),
         (
             "step",
             [(float("inf"), 0.0), (0.0, float("nan")), {}, (None, 0.0), _Rude(), (10**400, 0)],
         ),
         ("goal", [None, (float("nan"), 0.0), (0.0, 1e9), "no", ()]),
-        ("xi", ["1", float("nan"), (1.0,), 1e10, _Rude()]),
+        ("xi", ["1", float("nan"), (1.0,), 1e10, 10**400, _Rude()]),
         ("point", [-1, 1.0, "1", True, 2**60, _Rude()]),
         ("predictor", [1, "x" * 300, b"x"]),
     ],

@@ -108,7 +108,7 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
         check()
         tick = core.state.tick
         _play(core, rounds[tick], rounds.get(tick + 1, _Round()))
-        if core.state.tick == tick:
+        if core.state.tick == tick and core.broken is None:
             raise RecordingError(
                 f"{recording.path}: not all that robots said at tick {tick} counts"
             )
