@@ -28,6 +28,7 @@ from encircle.execution_times import (
 from encircle.findings import Finding, Holds, Simulation, solid_finding
 from encircle.hunts import run
 from encircle.memory import run_in_memory
+from encircle.progress import no_progress
 from encircle.reproduce import Report, _fastest, _fulfilled, _simulation_4, _table, reproduce
 from world.engine import build, initial
 from world.run_directory import RunDirectoryError
@@ -308,12 +309,14 @@ def test_the_faster_target_escapes_more_often_only_if_the_interval_says_so(
     runs = {
         name: np.repeat([True, False], counts) for name, counts in (("fast", fast), ("slow", slow))
     }
-    monkeypatch.setattr(reproduce_module, "captures", lambda _runs: runs | {"near": runs["slow"]})
+    monkeypatch.setattr(
+        reproduce_module, "captures", lambda _runs, _tell: runs | {"near": runs["slow"]}
+    )
     monkeypatch.setattr(reproduce_module, "draw_trajectories", lambda _recording, path: path)
     scenario = load("sim4")
     tracks = SimpleNamespace(scenario=scenario, captured=True, outcome="captured")
     facts = {"least_gap_m": 0.1, "least_gap_pair": ["r1", "r2"], "least_gap_tick": 1}
-    found = _simulation_4(tmp_path, None, tracks, {**facts, "contact_ticks": {}}, 60)
+    found = _simulation_4(tmp_path, None, tracks, {**facts, "contact_ticks": {}}, 60, no_progress)
     (claim,) = (one for one in found.findings if one.text.startswith("the faster"))
     assert claim.holds == mark
 
