@@ -7,13 +7,13 @@ if __name__ == "__main__":
     end_at_once("robot")
 
 import asyncio
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from agents.lean_start import postponed
 from protocol.access import AccessError
 from protocol.interrupts import leave
+from protocol.log import say_error
 from protocol.options import Options, access, name_of, seconds
 
 
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m agent
     except AccessError as error:
         options.error(str(error))
     if said is not None:
-        print(f"robot {found.id}: {said}", file=sys.stderr, flush=True)
+        say_error(f"robot {found.id}: {said}")
     world_s_max = found.world_timeout or WORLD_S_MAX
     habits = Habits(join_s_max, world_s_max, found.stay, found.quiet, found.tracebacks)
     return asyncio.run(run_robot(found.id, found.run, where, habits))

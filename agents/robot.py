@@ -10,7 +10,6 @@ in the round. They wait a bounded time for a world of that run, which tells them
 
 import asyncio
 import gc
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -25,7 +24,7 @@ from protocol.errors import LinkClosed
 from protocol.interrupts import told_to
 from protocol.keys import robot_key, world_key
 from protocol.links import Link
-from protocol.log import bounded_log
+from protocol.log import bounded_log, say_error
 from protocol.one_of_a_name import check_free
 from protocol.plugins import PluginBroken, PluginFailed
 from protocol.tracebacks import line_of
@@ -322,7 +321,7 @@ async def _first_of(*futures: "asyncio.Future[Any]") -> None:
 
 
 def _say(who: str, line: str) -> None:
-    print(f"{who}: {line}", file=sys.stderr, flush=True)
+    say_error(f"{who}: {line}")
 
 
 def _say_nothing(_line: str) -> None:

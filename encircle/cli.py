@@ -5,12 +5,13 @@ status: 0 done, captured or not; 1 the run failed; 2 bad usage or configuration.
 """
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+
+from protocol.log import say, say_error
 
 
 class _Stopped(Exception):
@@ -57,17 +58,17 @@ def main() -> int:
     try:
         app()
     except (ScenarioError, RunDirectoryError) as error:
-        print(f"encircle: {error}", file=sys.stderr)
+        say_error(*f"encircle: {error}".split("\n"))
         return 2
     except _Stopped as error:
-        print(f"encircle: {error}", file=sys.stderr)
+        say_error(f"encircle: {error}")
         return 1
     except RunFailed as error:
-        print(f"encircle: the run failed: {error}", file=sys.stderr)
+        say_error(*f"encircle: the run failed: {error}".split("\n"))
         return 1
     except PluginFailed as error:
         # What only reads a run leaves nothing in its directory.
-        print(f"encircle: {line_of(error, None)}", file=sys.stderr)
+        say_error(f"encircle: {line_of(error, None)}")
         return 1
     except SystemExit as ended:
         return int(ended.code or 0)
@@ -136,10 +137,10 @@ def scenarios_command(
 
     found = {name: load(name) for name in shipped()}
     if as_json:
-        print(json.dumps({name: s.model_dump(mode="json") for name, s in found.items()}))
+        say(json.dumps({name: s.model_dump(mode="json") for name, s in found.items()}))
         return
     for name, scenario in found.items():
-        print(f"{name:12} {len(scenario.ids):3} robots  {scenario.title}")
+        say(f"{name:12} {len(scenario.ids):3} robots  {scenario.title}")
 
 
 @app.command("replay")
@@ -167,13 +168,12 @@ def replay_command(
             "last_tick": max((m[0] for m in recording.messages), default=0),
             "complete": recording.complete,
         }
-        print(
-            json.dumps(summary) if as_json else "\n".join(f"{k:10} {v}" for k, v in summary.items())
-        )
+        lines = [f"{k:10} {v}" for k, v in summary.items()]
+        say(*([json.dumps(summary)] if as_json else lines))
         return
     found = replay(recording)
     if as_json:
-        print(
+        say(
             json.dumps(
                 {
                     "same": found.same,
@@ -190,14 +190,14 @@ def replay_command(
         part = (
             "" if found.complete else " (the recording is cut off; all that is there was checked)"
         )
-        print(
+        say(
             f"{found.compared} messages of {found.robots} robots over {found.ticks} ticks:"
             f" {len(found.differences)} decided differently{part}"
         )
         for tick, robot, channel in found.differences[:10]:
-            print(f"  tick {tick}: {channel} of {robot}")
+            say(f"  tick {tick}: {channel} of {robot}")
         for reason in found.unchecked:
-            print(f"  {reason}")
+            say(f"  {reason}")
     if not found.same:
         raise typer.Exit(1)
 
@@ -218,7 +218,7 @@ def transport_command(
 
     found = report(traffic_of(_read(run)))
     if as_json:
-        print(json.dumps(found))
+        say(json.dumps(found))
     else:
         show(found, Console())
 
@@ -240,14 +240,14 @@ def trace_command(
     write_trace(trace, out)
     lost = sum(row.lost for row in trace.rows)
     if trace.delays_refused is not None:
-        print(f"encircle: delays are left out: {trace.delays_refused}", file=sys.stderr)
+        say_error(f"encircle: delays are left out: {trace.delays_refused}")
     if trace.left_out:
-        print(f"encircle: {trace.left_out} later packets are left out", file=sys.stderr)
+        say_error(f"encircle: {trace.left_out} later packets are left out")
     if as_json:
         summary = {"out": str(out), "packets": len(trace.rows), "lost": lost}
-        print(json.dumps({**summary, "delays": trace.delays_refused is None}))
+        say(json.dumps({**summary, "delays": trace.delays_refused is None}))
     else:
-        print(f"{len(trace.rows)} packets, {lost} lost: {out}")
+        say(f"{len(trace.rows)} packets, {lost} lost: {out}")
 
 
 @app.command("reproduce")
@@ -270,7 +270,7 @@ def reproduce_command(
         report = reproduce(out, seeds, progress=Progress)
     except Interrupted as error:
         raise Interrupted(f"{error}; nothing of it is left in {out}") from None
-    print(json.dumps(report.as_dict()) if as_json else report.text())
+    say(*(json.dumps(report.as_dict()) if as_json else report.text()).split("\n"))
 
 
 @app.command("study")
@@ -311,26 +311,26 @@ def study_command(
     if name is None:
         for known in shipped_studies():
             plan = load_plan(known)
-            print(f"{known:12} {plan.runs:6} runs  {plan.title}")
+            say(f"{known:12} {plan.runs:6} runs  {plan.title}")
         return
     try:
         from encircle.studies.command import Request, run_study, show
         from encircle.studies.workers import StudyFailed
     except ModuleNotFoundError as error:
-        print(f"encircle: studies need {error.name}: install encircle[studies]", file=sys.stderr)
+        say_error(f"encircle: studies need {error.name}: install encircle[studies]")
         raise typer.Exit(2) from None
     request = Request(name, out, seeds, link, workers, cluster, changes)
     try:
         answer = run_study(request)
         show(answer, as_json)
         if answer["failed"]:
-            print(f"encircle: {answer['failure']}", file=sys.stderr)
+            say_error(f"encircle: {answer['failure']}")
             raise typer.Exit(1)
     except StudyError as error:
-        print(f"encircle: {error}", file=sys.stderr)
+        say_error(f"encircle: {error}")
         raise typer.Exit(2) from None
     except StudyFailed as error:
-        print(f"encircle: the study stopped: {error}", file=sys.stderr)
+        say_error(f"encircle: the study stopped: {error}")
         raise typer.Exit(1) from None
 
 
@@ -377,15 +377,12 @@ def certificates_command(
     try:
         from encircle.certificates import CertificateError, describe, make_certificates
     except ModuleNotFoundError as error:
-        print(
-            f"encircle: certificates need {error.name}: pip install 'encircle[security]'",
-            file=sys.stderr,
-        )
+        say_error(f"encircle: certificates need {error.name}: pip install 'encircle[security]'")
         raise typer.Exit(2) from None
     try:
-        print(describe(make_certificates(directory, robots, hosts, days)))
+        say(*describe(make_certificates(directory, robots, hosts, days)).split("\n"))
     except CertificateError as error:
-        print(f"encircle: {error}", file=sys.stderr)
+        say_error(f"encircle: {error}")
         raise typer.Exit(2) from None
 
 

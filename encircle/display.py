@@ -13,6 +13,8 @@ from rich.table import Table
 
 from encircle.hunts import Hunt
 from encircle.progress import PERIOD_S
+from encircle.transport import visible
+from protocol.log import printable
 from world.result import Result
 from world.scenario import Scenario
 
@@ -101,46 +103,51 @@ class Display:
 
     def _say(self, line: str) -> None:
         # Whole lines, however wide the terminal is: they are read by programs, too.
-        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+        self._console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
 
     def show_result(self, hunt: Hunt, directory: Path, figure: Path) -> None:
         """The short table at the end, on standard output."""
         result, tick_s = hunt.result, hunt.scenario.tick_s
-        table = Table(title=hunt.scenario.title or None, show_header=False, title_justify="left")
+        title = visible(hunt.scenario.title) if hunt.scenario.title else None
+        table = Table(title=title, show_header=False, title_justify="left")
         table.add_column(style="bold")
         table.add_column()
+
+        def add(what: str, told: str) -> None:
+            table.add_row(what, visible(told))
+
         if result.capture_tick is not None:
             outcome = f"at tick {result.capture_tick} ({result.capture_tick * tick_s:.1f} s)"
         else:
             outcome = f"no, after {result.ticks} ticks"
         lost = sum(result.packets_lost.values())
         causes = ", ".join(f"{n} by {cause}" for cause, n in result.packets_lost.items())
-        table.add_row("captured", outcome)
-        table.add_row(
+        add("captured", outcome)
+        add(
             "distances to target",
             ", ".join(
                 f"{robot} {d:.2f} m"
                 for robot, d in zip(hunt.scenario.ids, result.distances_m, strict=True)
             ),
         )
-        table.add_row("packets sent", f"{result.packets_sent}")
-        table.add_row("packets lost", f"{lost}" + (f" ({causes})" if causes else ""))
+        add("packets sent", f"{result.packets_sent}")
+        add("packets lost", f"{lost}" + (f" ({causes})" if causes else ""))
         if hunt.scenario.radio == "world":
-            table.add_row("packets' delay", _delay(result))
+            add("packets' delay", _delay(result))
         if result.refused:
             refused = ", ".join(f"{n} {cause}" for cause, n in result.refused.items())
-            table.add_row("messages refused", refused)
+            add("messages refused", refused)
         for tick, robot, what in result.departures[:SHOWN_MAX]:
-            table.add_row(f"tick {tick}", f"robot {robot} is {what}")
+            add(f"tick {tick}", f"robot {robot} is {what}")
         if len(result.departures) > SHOWN_MAX:
-            table.add_row("", f"and {len(result.departures) - SHOWN_MAX} more of that kind")
+            add("", f"and {len(result.departures) - SHOWN_MAX} more of that kind")
         for what, told in _punctuality(hunt):
-            table.add_row(what, told)
+            add(what, told)
         where = f"{hunt.processes} over Zenoh" if hunt.link == "zenoh" else "1, all in memory"
-        table.add_row("processes", where)
-        table.add_row("seed, digest", f"{hunt.seed}, {result.digest}")
-        table.add_row("recording", str(directory / "recording.mcap"))
-        table.add_row("figure", str(figure))
+        add("processes", where)
+        add("seed, digest", f"{hunt.seed}, {result.digest}")
+        add("recording", str(directory / "recording.mcap"))
+        add("figure", str(figure))
         Console().print(table)
 
 

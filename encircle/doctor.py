@@ -21,6 +21,7 @@ from encircle.checkup import Finding, machine
 from encircle.checkup_network import connecting_to, exposure, listening_on
 from encircle.checkup_run import parties
 from protocol.access import Access, AccessError, Identity, here
+from protocol.log import say
 from protocol.options import Options, access, identity, name_of, seconds
 from protocol.zenoh_config import endpoints
 
@@ -50,7 +51,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "encircle doctor
     except AccessError as error:
         options.error(str(error))
     status = 0 if examination.well else 1
-    print(as_json(examination) if found.json else as_text(examination), flush=True)
+    say(*([as_json(examination)] if found.json else as_lines(examination)))
     if examination.stuck:
         # What still waits somewhere in a library must not keep this process.
         os._exit(status)
@@ -171,7 +172,7 @@ def as_json(examination: _Examination) -> str:
     return json.dumps({"well": examination.well, "findings": findings})
 
 
-def as_text(examination: _Examination) -> str:
+def as_lines(examination: _Examination) -> list[str]:
     """A line for each finding, and one below it that says what to do; then the verdict."""
     lines = []
     for check, level, said, advice in examination.findings:
@@ -184,7 +185,7 @@ def as_text(examination: _Examination) -> str:
         if not wrong
         else f"{wrong} {'thing is' if wrong == 1 else 'things are'} wrong"
     )
-    return "\n".join([*lines, verdict])
+    return [*lines, verdict]
 
 
 if __name__ == "__main__":

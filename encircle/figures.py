@@ -39,6 +39,7 @@ from encircle.drawing import (
 )
 from encircle.replaying import Recording, read_recording
 from encircle.tracks import Floats, Tracks, commands_at, ring_centre, tracks_of
+from protocol.log import printable
 from protocol.parameters import Parameters
 
 TIME_MARKS_MAX = 12
@@ -63,7 +64,7 @@ class TimeCurve:
 def draw_run(directory: Path, path: Path) -> Path:
     """Draw the trajectories of a recorded run, finished or not, as a PNG; returns its path."""
     tracks = tracks_of(read_recording(directory))
-    title = "\n".join(part for part in (tracks.scenario.title, tracks.outcome) if part)
+    title = "\n".join(map(printable, filter(None, (tracks.scenario.title, tracks.outcome))))
     return _draw_paths(tracks, path, title, labelled=False)
 
 
@@ -163,5 +164,5 @@ def _draw_paths(tracks: Tracks, path: Path, title: str, labelled: bool) -> Path:
         draw_bodies(axes, tracks, row)
         if labelled:
             draw_start_labels(axes, tracks)
-        axes.set_title(title)
+        axes.set_title(title, parse_math=False)
         return save(figure, path)

@@ -1,7 +1,6 @@
 """``encircle run``: a hunt with a display, a figure at its end, and a way on if it breaks off."""
 
 import json
-import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +13,7 @@ from encircle.hunts import Hunt, check_link, default_directory, resume, run
 from encircle.launch import RunFailed
 from encircle.transport import SHOWN_MAX, show
 from protocol.interrupts import Interrupted, held, saying
+from protocol.log import say, say_error
 from world.remarks import ScenarioRemark
 from world.resuming import read_last
 from world.run_directory import RECORDING, SUMMARY
@@ -78,7 +78,7 @@ def hunt_and_draw(wish: Wish, as_json: bool) -> None:
         scenario, directory = read_last(wish.resume).scenario, wish.resume
     check_link(scenario, wish.link)
     for remark in scenario.remarks():
-        print(f"encircle: {remark}", file=sys.stderr, flush=True)
+        say_error(f"encircle: {remark}")
     try:
         with held(), Display(scenario, wish.link) as display:
             hunt = _hunt(wish, scenario, directory, display)
@@ -97,7 +97,7 @@ def hunt_and_draw(wish: Wish, as_json: bool) -> None:
         raise RunFailed(f"cannot draw {figure}: {error.strerror}") from None
     if as_json:
         name = wish.scenario or scenario.title or str(directory)
-        print(json.dumps({**hunt.as_dict(name), "figure": str(figure)}))
+        say(json.dumps({**hunt.as_dict(name), "figure": str(figure)}))
     else:
         display.show_result(hunt, directory, figure)
         if scenario.clock == "wall":

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol.interrupts import told_to
+from protocol.log import printable
 from protocol.options import without_settings
 from protocol.tracebacks import KEPT_IN
 from world.result import Result
@@ -203,7 +204,7 @@ class _Launch:
         assert stream is not None
         kept = self.errors.setdefault(name, [])
         async for line in stream:
-            text = line.decode(errors="replace").rstrip()
+            text = printable(line.decode(errors="replace").rstrip())
             if len(kept) < ERROR_LINES_MAX:
                 kept.append(text)
                 if " refused " in text:

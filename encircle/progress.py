@@ -13,6 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 
+from protocol.log import printable
+
 Tell = Callable[[int, int], None]
 PERIOD_S, DRAWN_S = 5.0, 0.1
 """How often a line is said, and a bar drawn."""
@@ -51,7 +53,7 @@ class Progress:
             # Without a thread that draws: what is measured meanwhile is not to share its time.
             auto_refresh=False,
         )
-        self._task = self._bar.add_task(name, total=None, far="")
+        self._task = self._bar.add_task(printable(name), total=None, far="")
 
     def __enter__(self) -> "Progress":
         if self._console.is_terminal:
@@ -94,7 +96,7 @@ class Progress:
 
     def _say(self, line: str) -> None:
         # Whole lines, however wide the terminal is: they are read by programs, too.
-        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+        self._console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
 
 
 def _clock(seconds: float) -> str:

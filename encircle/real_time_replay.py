@@ -21,7 +21,7 @@ from protocol.codec import decode
 from protocol.keys import robot_key
 from protocol.messages import Command, Pose
 from protocol.real_time import ANSWERED, PASSED_OVER, STOPPED
-from world.recording import Recording
+from world.recording import Recording, decoded
 
 Packets = dict[tuple[str, int], bytes]
 
@@ -79,11 +79,11 @@ def _parts_of(
         elif channel == "observation":
             parts[robot].observations[tick] = payload
         elif channel == "pose":
-            pose = decode(Pose, payload, recording.run)
+            pose = decoded(Pose, recording, tick, payload)
             parts[robot].poses[tick] = pose
             packets[robot, pose.sequence] = payload
         else:
-            command = decode(Command, payload, recording.run)
+            command = decoded(Command, recording, tick, payload)
             if command.mode != STOPPED:
                 parts[robot].commands[tick] = command
     return parts, packets, foreign

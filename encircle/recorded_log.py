@@ -69,7 +69,9 @@ class _Heard:
             }:
                 raise RecordingError(f"{topic} of tick {tick}: shows bodies of another scenario")
         elif channel == "radio":
-            self.radios[tick] = decode(Radio, payload, self.run)
+            radio = self.radios[tick] = decode(Radio, payload, self.run)
+            if len(radio.fates) != len(self.cores):
+                raise RecordingError(f"{topic} of tick {tick}: is of another team")
         elif channel == "end":
             self.ended = decode(End, payload, self.run).reason
         elif channel == "command":

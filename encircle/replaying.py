@@ -11,7 +11,7 @@ from pathlib import Path
 from agents.core import RobotCore
 from protocol.codec import decode
 from protocol.messages import Command, Radio
-from world.recording import Recording, RecordingError, read_recording
+from world.recording import Recording, RecordingError, decoded, read_recording
 
 __all__ = ["Recording", "RecordingError", "ReplayCheck", "read_recording", "replay"]
 
@@ -63,7 +63,8 @@ def replay(source: str | Path | Recording) -> ReplayCheck:
             raise_failure(cores[robot])
         elif channel in ("pose", "command"):
             compared += 1
-            if not _same(decided.pop((tick, robot, channel), None), payload, channel, run):
+            decision = decided.pop((tick, robot, channel), None)
+            if not _same(decision, payload, channel, recording, tick):
                 differences.append((tick, robot, channel))
     # What was decided but not recorded was left out, unless the recording ends before it: answers
     # are recorded when a round is complete, and a cut may go through the last round.
@@ -99,15 +100,18 @@ def _spoke(recording: Recording) -> set[tuple[int, str]]:
         (tick, robot)
         for tick, _, payload in recording.of_channel("radio")
         for robot, fates in zip(
-            recording.scenario.ids, decode(Radio, payload, recording.run).fates, strict=False
+            recording.scenario.ids, decoded(Radio, recording, tick, payload).fates, strict=False
         )
         if any(fates)
     }
 
 
-def _same(decided: bytes | None, recorded: bytes, channel: str, run: str) -> bool:
+def _same(
+    decision: bytes | None, recorded: bytes, channel: str, recording: Recording, tick: int
+) -> bool:
     """Whether a decision is the recorded one; how many messages a robot refused is no decision."""
-    if decided is None or decided == recorded or channel != "command":
-        return decided == recorded
-    mine, theirs = decode(Command, decided, run), decode(Command, recorded, run)
+    if decision is None or decision == recorded or channel != "command":
+        return decision == recorded
+    mine = decode(Command, decision, recording.run)
+    theirs = decoded(Command, recording, tick, recorded)
     return replace(mine, refused={}) == replace(theirs, refused={})

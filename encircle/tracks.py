@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from encircle.replaying import Recording
-from protocol.codec import decode
 from protocol.messages import Command, End, Point, State
 from world.engine import Arena, build, initial, truth
+from world.recording import decoded
 from world.scenario import MoveTarget, Scenario
 from world.sensing import geometry, in_sight
 
@@ -127,8 +127,8 @@ class Tracks:
 def tracks_of(recording: Recording) -> Tracks:
     """The tracks in a recording; of one cut off before the first tick, the start alone."""
     arena = build(recording.scenario, recording.seed)
-    states = [decode(State, p, recording.run) for _, _, p in recording.of_channel("state")]
-    ends = [decode(End, p, recording.run) for _, _, p in recording.of_channel("end")]
+    states = [decoded(State, recording, t, p) for t, _, p in recording.of_channel("state")]
+    ends = [decoded(End, recording, t, p) for t, _, p in recording.of_channel("end")]
     states = states or [truth(arena, initial(arena))]
     return Tracks(
         recording.scenario,
@@ -144,7 +144,7 @@ def tracks_of(recording: Recording) -> Tracks:
 def commands_at(recording: Recording, tick: int) -> tuple[Command, ...]:
     """The robots' commands of a tick, in robot order; none at the tick at which a run ends."""
     commands = recording.of_channel("command")
-    return tuple(decode(Command, p, recording.run) for t, _, p in commands if t == tick)
+    return tuple(decoded(Command, recording, t, p) for t, _, p in commands if t == tick)
 
 
 def ring_centre(commands: Sequence[Command], radius_m: float) -> Point | None:
@@ -182,7 +182,7 @@ def points_shared(recording: Recording) -> tuple[int, int]:
     """
     by_tick: dict[int, list[tuple[float, float]]] = {}
     for tick, _, payload in recording.of_channel("command"):
-        command = decode(Command, payload, recording.run)
+        command = decoded(Command, recording, tick, payload)
         if command.point is not None and command.goal is not None:
             by_tick.setdefault(tick, []).append(command.goal)
     several = [goals for goals in by_tick.values() if len(goals) > 1]
@@ -197,7 +197,7 @@ def estimates_agree(recording: Recording, tracks: Tracks, tick: int, within_m: f
     for at, _, payload in recording.of_channel("command"):
         if at < tick:
             continue
-        estimate = decode(Command, payload, recording.run).estimate
+        estimate = decoded(Command, recording, at, payload).estimate
         if estimate is not None:
             off = np.hypot(*(tracks.target[tracks.row(at)] - estimate))
             agreeing[at] = agreeing.get(at, 0) + int(off <= within_m)

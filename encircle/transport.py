@@ -6,9 +6,11 @@ from typing import Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from protocol.codec import decode
-from protocol.errors import ProtocolError
+from protocol.errors import MalformedMessage, ProtocolError, WrongSender
+from protocol.log import printable
 from protocol.messages import Command, Observation, Pose, Radio, Setup
 from world.recording import Recording, RecordingError
 from world.traffic import Traffic
@@ -16,6 +18,13 @@ from world.traffic import Traffic
 ROWS_MAX = 20_000_000
 SHOWN_MAX = 24
 UNKNOWN_SHOWN_MIN = 3
+KINDS: dict[str, Any] = {
+    "setup": Setup,
+    "observation": Observation,
+    "pose": Pose,
+    "command": Command,
+    "radio": Radio,
+}
 TEXTS = ("from", "to", "carries", "clock of", "")
 
 
@@ -33,26 +42,34 @@ def traffic_of(recording: Recording) -> Traffic:
         if channel in ("setup", "observation", "pose", "command") and robot not in scenario.ids:
             raise RecordingError(f"{topic} of tick {tick}: the team is {', '.join(scenario.ids)}")
         try:
-            _write(traffic, channel, payload, run, at_us)
+            _write(traffic, robot, channel, payload, run, at_us)
         except ProtocolError as error:
             raise RecordingError(f"{topic} of tick {tick}: {error}") from None
     return traffic
 
 
-def _write(traffic: Traffic, channel: str, payload: bytes, run: str, at_us: int) -> None:
-    if channel == "setup":
-        setup = decode(Setup, payload, run)
-        traffic.joined(setup.robot, setup.first_tick)
-    elif channel == "observation":
-        observation = decode(Observation, payload, run)
-        if observation.sent_us is not None:
-            traffic.asked(observation.robot, observation.tick, observation.sent_us)
-    elif channel == "pose":
-        traffic.packet(decode(Pose, payload, run), at_us)
-    elif channel == "command":
-        traffic.answered(decode(Command, payload, run), at_us)
-    elif channel == "radio":
-        traffic.radioed(decode(Radio, payload, run))
+def _write(
+    traffic: Traffic, robot: str, channel: str, payload: bytes, run: str, at_us: int
+) -> None:
+    kind = KINDS.get(channel)
+    if kind is None:
+        return
+    message = decode(kind, payload, run)
+    if getattr(message, "robot", robot) != robot:
+        raise WrongSender(f"it is of {message.robot}")
+    if kind is Radio and len(message.fates) != len(traffic.robots):
+        raise MalformedMessage("it is of another team")
+    match message:
+        case Setup():
+            traffic.joined(robot, message.first_tick)
+        case Observation(sent_us=int(sent_us)):
+            traffic.asked(robot, message.tick, sent_us)
+        case Pose():
+            traffic.packet(message, at_us)
+        case Command():
+            traffic.answered(message, at_us)
+        case Radio():
+            traffic.radioed(message)
 
 
 def show(report: dict[str, Any], console: Console, shown_max: int | None = None) -> None:
@@ -75,7 +92,8 @@ def show(report: dict[str, Any], console: Console, shown_max: int | None = None)
     # Below: in a column of their own they would leave no room for the figures.
     refused = Counter(link["delay_refused"] for link in links if link["delay_refused"])
     for reason, number in refused.items():
-        console.print(f"no delay for {number} of {len(links)} links: {reason}", highlight=False)
+        said = f"no delay for {number} of {len(links)} links: {reason}"
+        console.print(visible(said), highlight=False)
     for link in links:
         # One or two are always under way when a run ends.
         if link["unknown"] > UNKNOWN_SHOWN_MIN:
@@ -112,6 +130,11 @@ def show(report: dict[str, Any], console: Console, shown_max: int | None = None)
         console.print(f"actual and clocks: from tick {tick} on nothing was written down")
 
 
+def visible(text: str) -> Text:
+    """Text for Rich to show as it is: in a plain string it would look for marks of its own."""
+    return Text(printable(text))
+
+
 def _table(
     console: Console,
     title: str,
@@ -123,7 +146,7 @@ def _table(
     for head in heads:
         table.add_column(head, justify="left" if head in TEXTS else "right")
     for row in rows[:shown_max]:
-        table.add_row(*row)
+        table.add_row(*map(visible, row))
     console.print(table)
     if shown_max is not None and len(rows) > shown_max:
         console.print(f"and {len(rows) - shown_max} more: encircle transport RUN")

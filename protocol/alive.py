@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from protocol.access import Access, AccessError, Identity, LinkError, here
 from protocol.interrupts import leave
 from protocol.keys import robot_key, world_key
+from protocol.log import say
 from protocol.options import Options, identity, name_of, seconds
 from protocol.zenoh_link import closing, has_neighbours, is_alive, open_session
 
@@ -57,15 +58,13 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
     except AccessError as error:
         options.error(str(error))
     except LinkError as error:
-        print(f"alive: {error}")
+        say(f"alive: {error}")
         return 1
     name = {
         "robot": f"robot {found.robot} of run {found.run}",
         "world": f"world of run {found.run}",
     }
-    print(
-        f"alive: {name.get(found.what, 'router')} at {where}: {'there' if there else 'not there'}"
-    )
+    say(f"alive: {name.get(found.what, 'router')} at {where}: {'there' if there else 'not there'}")
     return 0 if there else 1
 
 

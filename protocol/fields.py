@@ -346,6 +346,9 @@ def _together_radio(radio: Radio) -> str | None:
         lowest = 0 if name == "copies" else -CAUSE_CODE_MAX
         if not all(lowest <= fate <= 0 or fate > tick for row in table for fate in row):
             return f"{name} must be ticks after {tick}, or {lowest} to 0"
+    for sent, copied in zip(radio.fates, radio.copies, strict=False):
+        if any(copy and not fate for fate, copy in zip(sent, copied, strict=True)):
+            return "copies of a packet that was not sent"
     return None
 
 

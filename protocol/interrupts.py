@@ -19,6 +19,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
+from protocol.log import printable
+
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 STATUS = 1
 
@@ -49,7 +51,7 @@ def end_at_once(who: str) -> None:
                 # A terminal has put ^C there.
                 start = "\r" if os.isatty(2) else ""
                 said = f"{who}: {_Kept.before}stopped by {name}{_Kept.after}"
-                os.write(2, f"{start}{said}\n".encode())
+                os.write(2, f"{start}{printable(said)}\n".encode())
             os._exit(STATUS)
 
     for number in NUMBERS:

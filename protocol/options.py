@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from protocol.access import Access, AccessError, Identity, Mode
 from protocol.keys import check_name
+from protocol.log import printable
 
 PREFIX = "ENCIRCLE_"
 GATES = ("router", "world")
@@ -35,7 +36,7 @@ class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one line; ``--help`` has the rest."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: error: {message}\n")
+        self.exit(2, f"{self.prog}: error: {printable(message)}\n")
 
 
 class Options:

@@ -18,6 +18,8 @@ import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
+from protocol.log import say_error
+
 LOG = "off,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
 """What Zenoh is to write to its log, in the form of the environment variable ``RUST_LOG``."""
 KNOWN_MAX = 4096
@@ -135,4 +137,4 @@ def refusals_told(party: str, counts: bool) -> Iterator[None]:
         return
     with counted() as refusals:
         yield
-    print(f"{party}: refused: {refusals}", file=sys.stderr, flush=True)
+    say_error(f"{party}: refused: {refusals}")

@@ -12,7 +12,6 @@ if __name__ == "__main__":
 
 import contextlib
 import queue
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,6 +22,7 @@ from protocol.access import CONNECT_S_MAX, AccessError, LinkError
 from protocol.errors import UnknownKey
 from protocol.interrupts import leave, told_to
 from protocol.keys import parse_key, robot_key, world_key
+from protocol.log import say_error
 from protocol.mailbox import now_us
 from protocol.options import Options, access, name_of
 from protocol.refusals import refusals_told
@@ -79,13 +79,13 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m proto
             told_to(changes.put),
         ):
             of = "" if where.listen else "the endpoints of "
-            print(f"router: {said or f'listening on {of}{where}'}", file=sys.stderr, flush=True)
+            say_error(f"router: {said or f'listening on {of}{where}'}")
             _kept = answer(session, ROUTER_KEY, replier("router", now_us))
             _route(session, found.for_run, changes)
     except AccessError as error:
         options.error(str(error))
     except LinkError as error:
-        print(f"router: {error}", file=sys.stderr)
+        say_error(f"router: {error}")
         return 1
     return 0
 
@@ -102,7 +102,7 @@ def _route(session: Any, run: str | None, changes: Changes) -> None:
         with contextlib.suppress(queue.Empty):
             change = changes.get(timeout=STEP_S)
             if isinstance(change, str):
-                print(f"router: stopped by {change}", file=sys.stderr, flush=True)
+                say_error(f"router: stopped by {change}")
                 return
             with contextlib.suppress(UnknownKey):
                 tokens.change(*change, time.monotonic())

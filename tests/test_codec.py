@@ -145,19 +145,23 @@ def states(robots: list[tuple[Any, float]]) -> Any:
 
 
 def radios(count: int) -> Any:
-    """N x N fates of packets sent at some tick, and copies or none."""
+    """N x N fates of packets sent at some tick, and copies of them or none."""
     sent = 1000
-
-    def table(fates: Any) -> Any:
-        rows = [
-            st.tuples(*[st.just(0) if i == k else fates for i in range(count)])
-            for k in range(count)
-        ]
-        return st.tuples(*rows)
-
     due = st.integers(sent + 1, COUNT_MAX)
-    copies = st.just(()) | table(st.just(0) | due)
-    return st.builds(Radio, st.just(sent), table(st.integers(-10, 0) | due), copies)
+    pairs = [[(i, k) for i in range(count)] for k in range(count)]
+    fates = st.integers(-10, -1) | due
+    rows = [
+        st.tuples(
+            *[st.just((0, 0)) if i == k else st.tuples(fates, st.just(0) | due) for i, k in row]
+        )
+        for row in pairs
+    ]
+
+    def radio(table: Any, copied: bool) -> Radio:
+        first, second = (tuple(tuple(p[n] for p in row) for row in table) for n in (0, 1))
+        return Radio(sent, first, second if copied else ())
+
+    return st.builds(radio, st.tuples(*rows), st.booleans())
 
 
 messages = st.one_of(

@@ -249,6 +249,11 @@ def test_the_table_of_wrong_values_covers_every_field():
     }
 
 
+def test_there_is_no_copy_of_a_packet_that_was_not_sent():
+    body = body_of_sample(Radio) | {"fates": [[0, 5], [0, 0]], "copies": [[0, 0], [6, 0]]}
+    assert "copies" in refusal(Radio, msgpack.packb(body), MalformedMessage)
+
+
 def test_the_error_says_who_sent_what():
     payload = msgpack.packb(body_of_sample(Pose) | {"position": [nan, 0.0]})
     message = refusal(Pose, payload, MalformedMessage)

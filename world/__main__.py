@@ -11,13 +11,13 @@ if __name__ == "__main__":
 
 import argparse
 import asyncio
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from protocol.access import CONNECT_S_MAX, AccessError
 from protocol.interrupts import leave
+from protocol.log import say_error
 from protocol.options import Options, access, name_of, seconds, whole_number
 from protocol.security import WORLD
 
@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m world
         # A program that starts this world has told its user already.
         remarks = [] if found.parent else scenario.remarks()
         for line in [*([said] if said is not None else []), *remarks]:
-            print(f"world: {line}", file=sys.stderr, flush=True)
+            say_error(f"world: {line}")
         with refusals_told("world", found.count_refusals):
             report = report_as_json if found.json else PersonReporter()
             life = run_world(arena, found.run, where, found.out, log, terms, report, resumed)
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m world
     except AccessError as error:
         options.error(str(error))
     except (ScenarioError, RunDirectoryError) as error:
-        print(error, file=sys.stderr)
+        say_error(*str(error).split("\n"))
         return 2
 
 

@@ -15,6 +15,9 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
+from protocol.codec import M, decode
+from protocol.errors import ProtocolError, UnknownKey
+from protocol.keys import check_name, parse_key
 from world.run_directory import RECORDING, RunDirectoryError
 from world.scenario import Scenario, ScenarioError, load
 
@@ -55,6 +58,14 @@ class Recording:
                 yield tick, parts[-2], payload
 
 
+def decoded(kind: type[M], recording: Recording, tick: int, payload: bytes) -> M:
+    """A message of a recording; ``RecordingError`` if it is none of that kind."""
+    try:
+        return decode(kind, payload, recording.run)
+    except ProtocolError as error:
+        raise RecordingError(f"{recording.path}: tick {tick}: {error}") from None
+
+
 def recording_of(path: str | Path) -> Path:
     """The recording file of a run directory, or the file itself."""
     place = Path(path)
@@ -64,7 +75,7 @@ def recording_of(path: str | Path) -> Path:
 def read_metadata(metadata: Mapping[str, str]) -> tuple[Scenario, int, str]:
     """Scenario, seed and run name from a recording's metadata."""
     tree = json.loads(metadata["scenario"])
-    return load(tree), int(metadata["seed"]), metadata["run"]
+    return load(tree), int(metadata["seed"]), check_name("run", metadata["run"])
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -93,6 +104,10 @@ def read_recording(path: str | Path) -> Recording:
     try:
         scenario, seed, run = read_metadata(metadata)
         versions = json.loads(metadata.get("versions", "{}"))
+        for topic in channels.values():
+            parse_key(f"encircle/{run}/{topic}")
+    except UnknownKey as error:
+        raise RecordingError(f"{file_path}: {error}") from None
     except ScenarioError as error:
         # As of a strategy or target that is not installed here.
         raise RecordingError(f"{file_path} cannot be understood here: {error}") from None

@@ -10,14 +10,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from protocol.log import say_error
+
 Reporter = Callable[[dict[str, Any]], None]
 PERIOD_S = 1.0
 SHOWN_MAX = 6
-
-
-def say_error(line: str) -> None:
-    """One line to standard error."""
-    print(line, file=sys.stderr, flush=True)
 
 
 def report_as_json(event: dict[str, Any]) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 from protocol.access import Access
 from protocol.interrupts import told_to
 from protocol.keys import robot_key, world_key
+from protocol.log import say_error
 from protocol.messages import FAILED_FOR
 from protocol.one_of_a_name import check_free
 from protocol.tracebacks import line_of
@@ -24,7 +25,7 @@ from world.core import WorldCore
 from world.engine import Arena
 from world.paced_core import PacedCore
 from world.recorder import Recorder, RecordingStopped
-from world.reports import Reporter, say_error
+from world.reports import Reporter
 from world.resuming import Resumed
 from world.run_directory import (
     RunDirectoryError,

@@ -21,6 +21,7 @@ from protocol import VERSION
 from protocol.errors import LinkClosed, ProtocolError
 from protocol.keys import parse_key, robot_key, world_key
 from protocol.links import Link
+from protocol.log import say_error
 from protocol.zenoh_link import ZenohLink
 from world.attendance import NO_ANSWER, Attendance, RunEnded
 from world.core import Outgoing, WorldCore
@@ -28,7 +29,7 @@ from world.paced import run_by_clock
 from world.paced_core import PacedCore
 from world.pacing import Punctuality
 from world.recorder import Recorder, RecordingStopped
-from world.reports import Reporter, say_error
+from world.reports import Reporter
 from world.result import GO_ON
 from world.resuming import Resumed
 from world.telling import send, tell

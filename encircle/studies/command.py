@@ -2,7 +2,6 @@
 
 import json
 import shlex
-import sys
 import warnings
 from collections.abc import Sequence
 from contextlib import closing
@@ -19,6 +18,7 @@ from encircle.studies.study import Study
 from encircle.studies.summary import summarise
 from encircle.studies.workers import StudyFailed
 from protocol.interrupts import Interrupted, held, saying
+from protocol.log import say, say_error
 from world.remarks import ScenarioRemark
 
 
@@ -48,10 +48,10 @@ def run_study(request: Request) -> dict[str, Any]:
     plan = load_plan(request.source, request.changes, request.seeds)
     study = Study(plan, request.out)
     for remark in plan.remarks():
-        print(f"encircle: {remark}", file=sys.stderr, flush=True)
+        say_error(f"encircle: {remark}")
     with held(), Progress(plan.name) as progress:
         ran = _run(study, request, progress)
-    print(f"{plan.name}: writing the report", file=sys.stderr, flush=True)
+    say_error(f"{plan.name}: writing the report")
     done = f"; all {plan.runs} runs are done, the same command writes the report"
     with saying(done, "the study stopped: "), closing(study.open()) as table:
         summary = summarise(plan, table) if table.whole_seeds else None
@@ -98,10 +98,10 @@ def _run(study: Study, request: Request, progress: Tell) -> int:
 def show(answer: dict[str, Any], as_json: bool) -> None:
     """Print what came of it."""
     if as_json:
-        print(json.dumps(answer))
+        say(json.dumps(answer))
         return
-    print(f"{answer['runs']} runs in {answer['cells']} cells, {answer['ran']} of them now")
+    say(f"{answer['runs']} runs in {answer['cells']} cells, {answer['ran']} of them now")
     for sentence in answer["findings"]:
-        print(f"- {sentence}")
-    print(f"report  {answer['report']}")
-    print(f"table   {Path(answer['out']) / 'table.parquet'}")
+        say(f"- {sentence}")
+    say(f"report  {answer['report']}")
+    say(f"table   {Path(answer['out']) / 'table.parquet'}")

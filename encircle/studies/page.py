@@ -6,8 +6,10 @@ page is readable as plain HTML, on a phone and on paper, where folded parts are 
 
 import base64
 from collections.abc import Iterable, Sequence
-from html import escape
+from html import escape as html_escape
 from pathlib import Path
+
+from protocol.log import printable_lines
 
 STYLE = """
 :root { color-scheme: light; --ink: #1a1a1a; --soft: #4a4a4a; --line: #c9c9c9; --tint: #f3f5f7; }
@@ -58,6 +60,11 @@ code { font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace
   details::details-content { display: block; content-visibility: visible; }
 }
 """
+
+
+def escape(text: str) -> str:
+    """Text as a page shows it: nothing in it is a tag, a control character or turns its reading."""
+    return html_escape(printable_lines(text))
 
 
 def document(title: str, content: Iterable[str]) -> str:

@@ -30,6 +30,7 @@ from pydantic import (
 )
 
 from encircle.measures import MEASURES
+from protocol.log import printable
 from protocol.plugins import GROUPS, STRATEGIES, TARGETS, installed
 from world.fields import shown
 from world.scenario import Scenario, ScenarioError, load
@@ -38,6 +39,8 @@ CELLS_MAX = 100_000
 CELLS_NAMED_MAX = 4
 SEEDS_MAX = 1_000_000
 Bound = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
+Visible = Annotated[str, AfterValidator(printable)]
+"""Text that figures, tables and lines show."""
 NAME = re.compile(r"[a-z][a-z0-9_]{0,30}")
 RESERVED = ("cell", "seed", "digest", "captured", "ticks", "failed", "wall_s", "code", "versions")
 STRATEGY = "strategy"
@@ -98,7 +101,7 @@ class Range(_Model):
 class Arm(_Model):
     """One level of an axis that changes several keys at once."""
 
-    name: str
+    name: Visible
     set: dict[str, Any]
 
 
@@ -115,8 +118,8 @@ class Axis(_Model):
     values: tuple[Any, ...] | None = None
     range: Range | None = None
     arms: tuple[Arm, ...] | None = None
-    label: str = ""
-    unit: str = ""
+    label: Visible = ""
+    unit: Visible = ""
     scale: FiniteFloat = 1.0
     show: Literal["asked", "delivered"] = "asked"
     _delivered_s: tuple[float, ...] | None = PrivateAttr(None)
@@ -212,7 +215,7 @@ class Plan(_Model):
     """A study, complete and checked. ``compare``: the axis whose levels are compared in pairs."""
 
     name: str = "study"
-    title: str = ""
+    title: Visible = ""
     question: str = ""
     scenario: Annotated[str | dict[str, Any], BeforeValidator(_scenario)]
     set: dict[str, Any] = {}
