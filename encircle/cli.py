@@ -82,10 +82,9 @@ def _read(run: Path) -> Any:
     recording = read_recording(run)
     if not recording.complete:
         last = max((tick for tick, _, _ in recording.messages), default=0)
-        print(
+        say_error(
             f"encircle: {recording.path} is cut off or damaged: it can be read up to tick {last},"
-            " and what follows is left out",
-            file=sys.stderr,
+            " and what follows is left out"
         )
     return recording
 

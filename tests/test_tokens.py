@@ -155,13 +155,10 @@ def test_with_certificates_only_a_robots_own_expression_comes_through_and_is_not
         for stranger in (net.stranger("viewer"), net.stranger("r2"))
         for key in (*WILD, "encircle/*/robots/r2/alive")
     ]
-    until(lambda: is_there(net.world, "encircle/*/robots/r2/alive"), "the token that may be")
-    found = {
-        str(reply.ok.key_expr)
-        for reply in net.world.liveliness().get(robot_key(RUN, "*", "alive"), timeout=S_MAX)
-        if reply.ok is not None
-    }
-    assert found == {"encircle/*/robots/r2/alive"}
+    own = "encircle/*/robots/r2/alive"
+    until(lambda: is_there(net.world, own), "the token that may be")
+    replies = list(net.world.liveliness().get(robot_key(RUN, "*", "alive"), timeout=S_MAX))
+    assert {str(reply.ok.key_expr) for reply in replies if reply.ok is not None} <= {own}
     for token in tokens:
         token.undeclare()
     _kept = (
