@@ -33,13 +33,14 @@ class _Kept:
     """What has come. ``name``: of a signal that is kept; ``ending``: whether one has ever come.
 
     ``before``, ``after``: what a process that ends at once says more; ``to_parent``: Ctrl-C is not
-    for this process.
+    for this process; ``at_work``: some thread is still inside a library as the process ends.
     """
 
     name = ""
     ending = False
     before = after = ""
     to_parent = False
+    at_work = False
 
 
 def end_at_once(who: str) -> None:
@@ -73,7 +74,18 @@ def leave(status: int) -> NoReturn:
     """End the process; what comes now changes nothing any more."""
     for number in NUMBERS:
         signal.signal(number, signal.SIG_IGN)
+    if _Kept.at_work:
+        # A thread that comes back from Rust while Python is taken down aborts the process.
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError, AttributeError):
+                stream.flush()
+        os._exit(status)
     sys.exit(status)
+
+
+def leave_threads_at_work() -> None:
+    """A thread is still inside a library and cannot be waited for: ``leave`` is not to touch it."""
+    _Kept.at_work = True
 
 
 @contextmanager

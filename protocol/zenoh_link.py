@@ -21,6 +21,7 @@ import zenoh
 from protocol.about import About, read, replier
 from protocol.access import BY_HOST_AND_PORT, Access, LinkError, host_and_port
 from protocol.errors import LinkClosed, ProtocolError
+from protocol.interrupts import leave_threads_at_work
 from protocol.keys import is_plain
 from protocol.lanes import ROUND, SURE, lane
 from protocol.mailbox import now_us
@@ -203,8 +204,10 @@ class ZenohLink:
             self._closed.set()
             if not self._session.is_closed():
                 # Zenoh's own threads wait while the inbox is full, and closing waits for them.
-                threading.Thread(target=self._empty, name="emptying", daemon=True).start()
+                emptying = threading.Thread(target=self._empty, name="emptying", daemon=True)
+                emptying.start()
                 _close(self._session)
+                _wait_for(emptying)
 
     def _empty(self) -> None:
         with contextlib.suppress(LinkClosed):
@@ -396,7 +399,13 @@ def _close(session: zenoh.Session) -> None:
 
     thread = threading.Thread(target=close, name="closing", daemon=True)
     thread.start()
+    _wait_for(thread)
+
+
+def _wait_for(thread: threading.Thread) -> None:
     thread.join(CLOSE_S_MAX)
+    if thread.is_alive():
+        leave_threads_at_work()
 
 
 def _is_known(endpoint: str) -> bool:

@@ -8,6 +8,8 @@ import json
 import random
 import re
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -256,3 +258,20 @@ def test_another_thread_than_the_main_one_holds_nothing_and_raises_nothing():
     thread.start()
     thread.join()
     assert outcome == [before]
+
+
+def test_a_process_that_leaves_a_thread_at_work_ends_with_its_status_and_all_that_it_said():
+    """Python's own way out would have the thread come back into what is being taken down."""
+    program = """
+import atexit, sys
+from protocol.interrupts import leave, leave_threads_at_work
+atexit.register(print, "taken down")
+print("the last word", end="")
+if sys.argv[1] == "at work":
+    leave_threads_at_work()
+leave(3)
+"""
+    for how, expected in (("done", "the last wordtaken down\n"), ("at work", "the last word")):
+        command = [sys.executable, "-c", program, how]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+        assert (done.returncode, done.stdout, done.stderr) == (3, expected, "")
