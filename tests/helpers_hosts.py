@@ -125,9 +125,13 @@ class Party:
     def said(self) -> str:
         return self._err.read_text()
 
+    def printed_text(self) -> str:
+        """What it has printed so far."""
+        return self._out.read_text()
+
     def printed(self) -> dict[str, Any]:
         """The one JSON object that a command has printed."""
-        found: dict[str, Any] = json.loads(self._out.read_text())
+        found: dict[str, Any] = json.loads(self.printed_text())
         return found
 
     def reports(self) -> list[dict[str, Any]]:

@@ -25,6 +25,7 @@ from test_codec import GOLDEN
 from zenoh import CongestionControl
 
 import encircle
+from encircle.certificates import make_certificates
 from encircle.launch import free_endpoint
 from encircle.replaying import read_recording
 from protocol import VERSION
@@ -32,6 +33,7 @@ from protocol.access import Access
 from protocol.codec import BYTES_MAX, encode
 from protocol.keys import ROBOT_CHANNELS, WORLD_CHANNELS, robot_key, world_key
 from protocol.messages import Command, Observation, Pose, Setup
+from protocol.security import identity_in
 from protocol.zenoh_link import ZenohLink
 from world.__main__ import TAKEN_BYTES_MAX
 
@@ -60,18 +62,24 @@ KEYS = (
 
 
 class Hunt:
-    """A hunt as processes that is recorded, and the most memory that each has taken so far."""
+    """A hunt as processes that is recorded, and the most memory that each has taken so far.
 
-    def __init__(self, folder: Path, closing: ExitStack) -> None:
+    ``certificates``: the directory that has everybody's, None without.
+    """
+
+    def __init__(self, folder: Path, closing: ExitStack, certificates: Path | None = None) -> None:
         folder.mkdir()
         self.endpoint, self.out, self._said = free_endpoint(), folder / "run", folder / "said"
+        own = () if certificates is None else ("--certificates", certificates)
+        if own:
+            self.endpoint = self.endpoint.replace("tcp/", "tls/")
         self.peaks_mib: dict[str, float] = {}
         scenario = folder / "scenario.json"
         scenario.write_text(json.dumps(SCENARIO))
-        where = ("--connect", self.endpoint, "--run", RUN)
+        where = ("--connect", self.endpoint, "--run", RUN, *own)
         recorded = ("--answer-timeout", ANSWER_S_MAX, "--out", self.out)
         commands = {
-            "router": ("protocol.router", "--listen", self.endpoint, "--for-run", RUN),
+            "router": ("protocol.router", "--listen", self.endpoint, "--for-run", RUN, *own),
             "world": ("world", scenario, "--json", *where, *recorded),
             **{robot: ("agents", robot, *where) for robot in ROBOTS},
         }
@@ -157,10 +165,14 @@ def large(draws):
     )
 
 
-def flood(hunt):
-    """Send all of it while the hunt goes on; how many on each key the world has to look at."""
+def flood(hunt, identity=None):
+    """Send all of it while the hunt goes on; how many on each key the world has to look at.
+
+    ``identity``: whose certificate to show.
+    """
     draws = random.Random(20)
-    link = ZenohLink(Access(connect=(hunt.endpoint,)), robot_key(RUN, "nobody", "*"))
+    access = Access(connect=(hunt.endpoint,), identity=identity)
+    link = ZenohLink(access, robot_key(RUN, "nobody", "*"))
     begun, sent, keys = time.monotonic(), 0, Counter()
     try:
         for key in itertools.cycle(KEYS):
@@ -220,5 +232,25 @@ def test_a_flood_on_every_key_changes_nothing_and_takes_bounded_memory(tmp_path,
     for robot in ROBOTS:
         assert sum(counts[robot].values()) > 100
         assert {"malformed", "oversized", "out-of-turn"} <= set(counts[robot])
+    for name, peak in flooded.peaks_mib.items():
+        assert peak < peaceful.peaks_mib[name] + GROWTH_MIB_MAX
+
+
+def test_a_flood_by_one_who_has_a_certificate_is_one_on_its_own_keys(tmp_path, closing):
+    lab = make_certificates(tmp_path / "lab", len(ROBOTS)).directory
+    peaceful = Hunt(tmp_path / "peaceful", closing, lab)
+    result = peaceful.end()
+    expected = result["digest"]
+    assert result["refused"] == {}
+
+    flooded = Hunt(tmp_path / "flooded", closing, lab)
+    until(lambda: flooded.tick() >= 0, "the hunt's begin")
+    keys = flood(flooded, identity_in(lab, "r1"))
+    result = flooded.end()
+    print(f"{keys.total()} messages; refused by the world: {result['refused']}")
+    print(f"peaks in MiB: {peaceful.peaks_mib}, flooded {flooded.peaks_mib}")
+    assert result["digest"] == expected
+    due = sum(keys[robot_key(RUN, "r1", channel)] for channel in ("pose", "command"))
+    assert 0 < sum(result["refused"].values()) <= due
     for name, peak in flooded.peaks_mib.items():
         assert peak < peaceful.peaks_mib[name] + GROWTH_MIB_MAX

@@ -3,24 +3,41 @@
 The page's own programs are taken out of it and run, so they cannot fall behind.
 """
 
+import cmath
 import json
 import re
 import runpy
 import subprocess
 import sys
+from contextlib import ExitStack
+from itertools import permutations
+from math import pi
 from pathlib import Path
 
+import numpy as np
 import pytest
+from helpers_hosts import Party
+from helpers_security import until
 
 import encircle
+from agents.strategies import BUILT_IN, View
 from encircle.launch import free_endpoint
 from protocol import VERSION
+from protocol.access import Access
 from protocol.codec import BYTES_MAX
+from protocol.keys import world_key
 from protocol.lanes import GATE, ROOM, ROUND, SHOWN, SURE
 from protocol.lockstep import TABLE, Move, Phase
-from protocol.security import configuration_file
+from protocol.parameters import Parameters
+from protocol.security import RETRY, configuration_file
+from protocol.zenoh_config import configuration
+from protocol.zenoh_link import open_session
+from world.capture import is_captured
 
-PAGE = (Path(__file__).parents[1] / "docs" / "protocol.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[1] / "docs"
+PAGE, SECURITY = (
+    (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("protocol", "security")
+)
 END_S_MAX = 60.0
 HEX_COLUMNS = 47
 
@@ -142,3 +159,104 @@ def test_the_whole_robot_of_the_page_takes_part_in_a_hunt(tmp_path):
     assert result["refused"] == {}
     assert result["ended"] in ("captured", "ticks")
     assert statuses == [0] * 4
+
+
+def test_the_settings_of_robots_and_viewers_are_the_ones_used():
+    config = configuration(Access(connect=("tcp/127.0.0.1:1",)))
+    plain, certified = (
+        re.findall(r"^\| `connect/retry` \| `(\{.*?\})`", page, re.MULTILINE)
+        for page in (PAGE, SECURITY)
+    )
+    assert [json.loads(text) for text in plain] == [json.loads(config.get_json("connect/retry"))]
+    assert [json.loads(text) for text in certified] == [RETRY]
+
+
+def test_the_viewer_of_the_page_sees_a_hunt_until_its_world_is_gone(tmp_path):
+    script = tmp_path / "my_viewer.py"
+    script.write_text(program("Looking on"))
+    endpoint = free_endpoint()
+    with ExitStack() as stack:
+
+        def start(name, *command):
+            party = Party([sys.executable, *command], tmp_path / name, {})
+            stack.callback(party.kill)
+            return party
+
+        world = start(
+            *("world", "-m", "world", "sim1", "--listen", endpoint, "--run", "demo", "--json")
+        )
+        world.wait_until(lambda party: any("listening" in report for report in party.reports()))
+        viewer = start("viewer", str(script), "demo", endpoint)
+        session = stack.enter_context(open_session(Access(connect=(endpoint,))))
+        shown = session.declare_publisher(world_key("demo", "state"))
+        until(lambda: shown.matching_status, "the viewer")
+        for k in range(1, 5):
+            start(f"r{k}", "-m", "agents", f"r{k}", "--connect", endpoint, "--run", "demo")
+        assert world.end() == 0
+        assert viewer.end() == 0
+        ticks = [int(line.split()[0]) for line in viewer.printed_text().splitlines()]
+    assert ticks == sorted(set(ticks))
+    assert 0 < len(ticks) <= world.result()["ticks"] + 1
+    assert ticks[0] == 0
+
+
+def test_the_strategies_of_the_page_are_the_ones_there_are():
+    rows = re.findall(r"^\| (`xi.*?|`pursuit`) \|", section("The hunt"), re.MULTILINE)
+    assert [name.strip("`") for row in rows for name in row.split(", ")] == list(BUILT_IN)
+
+
+def test_a_capture_is_what_the_page_says():
+    draws = np.random.default_rng(5)
+    stop_m = 1.3
+    for _ in range(4000):
+        count = int(draws.integers(2, 7))
+        places = draws.normal(0.0, 1.0, (count, 2))
+        asked = int(draws.integers(1, 6))
+        near = [complex(x, y) for x, y in places if abs(complex(x, y)) <= stop_m]
+        bearings = sorted(cmath.phase(ray) for ray in near)
+        after = [*bearings[1:], *(bearing + 2 * pi for bearing in bearings[:1])]
+        gaps = [b - a for a, b in zip(bearings, after, strict=True)]
+        said = len(near) >= max(3, asked) and max(gaps) < pi
+        assert is_captured(places, stop_m, asked) == said
+
+
+def test_ring_points_and_shrinking_are_what_the_page_says():
+    draws = np.random.default_rng(6)
+    known = Parameters()
+    assert "at most 1.5 `ring_radius_m`" in " ".join(PAGE.split())
+    modes = set()
+    target, ahead = (0.0, 0.0), complex(0.5, -0.25)
+
+    def predict(grid):
+        return np.array([[ahead.real, ahead.imag]] * len(grid)), "as told"
+
+    for _ in range(600):
+        count = int(draws.integers(3, 7))
+        turns = np.sort(draws.uniform(0.0, 2 * pi, count))
+        away = draws.uniform(3.0, 6.2, count)
+        team = [
+            (float(x), float(y))
+            for x, y in zip(away * np.cos(turns), away * np.sin(turns), strict=True)
+        ]
+        view = View(1, team, target, predict, known)
+        choice = BUILT_IN["xi-3"](view)
+        gaps = np.diff([*turns, turns[0] + 2 * pi])
+        closes = away.max() <= 1.5 * known.ring_radius_m and gaps.max() <= 0.9 * pi
+        assert choice.mode == ("shrink" if closes else "encircle")
+        modes.add(choice.mode)
+        if closes:
+            assert choice.goal == target
+            continue
+        u = complex(*team[int(away.argmax())]) / away.max()
+        points = [
+            ahead + known.ring_radius_m * cmath.rect(1, 2 * pi * q / count) * u
+            for q in range(count)
+        ]
+        assert complex(*choice.goal) == pytest.approx(points[choice.point], abs=1e-9)
+        ways = [[abs(complex(*place) - point) for point in points] for place in team]
+        shared = min(
+            permutations(range(count)),
+            key=lambda p: sum(w[q] for w, q in zip(ways, p, strict=True)),
+        )
+        assert choice.point == shared[1]
+    assert modes == {"shrink", "encircle"}
