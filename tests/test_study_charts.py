@@ -409,7 +409,7 @@ def test_a_label_without_room_gives_way_to_the_name_and_never_hides_a_level(case
 def test_names_are_shown_as_they_are_and_not_as_mathematics(cases):
     (axes,) = cases("names").drawn["rate-by-arm"].figure.axes
     names = [text.get_text() for text in axes.get_yticklabels()]
-    assert names[:3] == ["$x^2", "_hidden", "a b <script>"]
+    assert names[:3] == ["$x^2", "_hidden", r"a\nb <script>"]
     assert names[3].replace("\n", "").startswith("w" * 40)
     assert names[4].endswith("\N{HORIZONTAL ELLIPSIS}")
 
