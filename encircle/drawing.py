@@ -33,7 +33,18 @@ RING_LINE: dict[str, Any] = {"color": "0.35", "ls": (0, (1, 1.5)), "lw": 1.2}
 STOP_LINE: dict[str, Any] = {"color": "black", "ls": "-", "lw": 0.6}
 SIGHT_LINE: dict[str, Any] = {"color": "black", "ls": (0, (8, 4)), "lw": 0.5}
 SIGHT_FILL: dict[str, Any] = {"facecolor": "#56B4E91C", "edgecolor": COLOURS[5], "lw": 0.5}
-TIME_MARK: dict[str, Any] = {"color": "black", "ls": "", "marker": ".", "ms": 3}
+TIME_MARK: dict[str, Any] = {"color": "black", "ls": "", "marker": ".", "ms": 4}
+SILENT_LINE: dict[str, Any] = {"color": "0.78", "ls": "-", "lw": 6.0, "solid_capstyle": "butt"}
+LOST_LINE: dict[str, Any] = {
+    "color": "0.45",
+    "ls": (0, (0.3, 0.3)),
+    "lw": 5.0,
+    "marker": "x",
+    "ms": 8,
+    "mec": "black",
+    "mew": 1.8,
+}
+CAPTOR_FILL: dict[str, Any] = {"facecolor": "0.85", "edgecolor": "black", "lw": 1.2}
 HAND_LINE: dict[str, Any] = {"color": "black", "ls": (0, (2, 2)), "lw": 0.9}
 OBSTACLE_FILL: dict[str, Any] = {
     "facecolor": "0.75",
@@ -56,7 +67,7 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def map_figure(
+def panels_figure(
     tracks: Tracks, row: int, across: int, handles: Sequence[Artist]
 ) -> tuple[Figure, list[Axes]]:
     """A figure of ``across`` squared panels that show everything up to a row, legend below."""
@@ -73,14 +84,19 @@ def map_figure(
     figure = Figure(figsize=(WIDTH_IN, tall), dpi=DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(across, across, sharex=True, sharey=True, squeeze=False)
     for axes in panels.flat:
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-        axes.set(xlabel="x (m)", ylabel="y (m)")
-        axes.locator_params(nbins=6, steps=[1, 2, 5, 10])
-        axes.minorticks_on()
-        for x, y, radius in fixed:
-            axes.add_patch(Circle((x, y), radius, **OBSTACLE_FILL))
+        set_ground(axes, tracks, low, high)
     figure.legend(handles=handles, loc="outside lower center", ncols=columns)
     return figure, list(panels.flat)
+
+
+def set_ground(axes: Axes, tracks: Tracks, low: Floats, high: Floats) -> None:
+    """The part of the plane from ``low`` to ``high`` (2,) in m, to one scale, with obstacles."""
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    axes.locator_params(nbins=6, steps=[1, 2, 5, 10])
+    axes.minorticks_on()
+    for obstacle in tracks.scenario.obstacles:
+        axes.add_patch(Circle(obstacle.position, obstacle.radius_m, **OBSTACLE_FILL))
 
 
 def body_handles(tracks: Tracks) -> list[Artist]:
@@ -88,7 +104,7 @@ def body_handles(tracks: Tracks) -> list[Artist]:
     count = len(tracks.arena.ids)
     target = Line2D([], [], **TARGET_LINE, marker="*", ms=8, mfc="white", label="target")
     handles: list[Artist] = [
-        Line2D([], [], **_look(k, count), marker=MARKERS[k % 6], mfc="white", ms=5, label=robot)
+        Line2D([], [], **_look(k, count), marker=_marker(k), mfc="white", ms=5, label=robot)
         for k, robot in enumerate(tracks.arena.ids[: count if count <= NAMED_MAX else 1])
     ]
     if count > NAMED_MAX:
@@ -108,7 +124,16 @@ def _look(robot: int, count: int) -> dict[str, Any]:
     colour = COLOURS[robot % len(COLOURS)]
     if count > NAMED_MAX:
         return {"color": colour, "ls": "-", "lw": 0.6}
-    return {"color": colour, "ls": LINES[robot % len(LINES)], "lw": 1.2}
+    return {"color": colour, "ls": LINES[_second(robot)], "lw": 1.2}
+
+
+def _marker(robot: int) -> str:
+    return MARKERS[_second(robot)]
+
+
+def _second(robot: int) -> int:
+    """Robots of one colour differ in line and marker."""
+    return (robot + robot // len(COLOURS)) % len(MARKERS)
 
 
 def draw_trails(
@@ -126,7 +151,7 @@ def draw_trails(
         look, places = _look(k, count), tracks.positions[: row + 1, k]
         axes.plot(*places.T, **look, zorder=2)
         if row > 0:
-            axes.plot(*places[0], marker=MARKERS[k % 6], color=look["color"], **start)
+            axes.plot(*places[0], marker=_marker(k), color=look["color"], **start)
     cuts = [c for c in (tracks.row(t) for t in tracks.moved_by_hand) if c <= row]
     for part in np.split(tracks.target[: row + 1], cuts):
         axes.plot(*part.T, **TARGET_LINE, zorder=2)
@@ -139,13 +164,18 @@ def draw_trails(
         axes.plot(*tracks.positions[marked].reshape(-1, 2).T, **TIME_MARK, zorder=3)
 
 
-def draw_bodies(axes: Axes, tracks: Tracks, row: int) -> None:
-    """Bodies at a row as discs to scale, under the trails; D_stop about the target."""
+def draw_bodies(axes: Axes, tracks: Tracks, row: int, filled: Sequence[str] = ()) -> None:
+    """Bodies at a row as discs to scale, under the trails; D_stop about the target.
+
+    ``filled``: robots whose discs are not white.
+    """
     scenario, target = tracks.scenario, tracks.target[row]
-    for k, place in enumerate(tracks.robots[row]):
-        look = {"fc": "white", "ec": COLOURS[k % len(COLOURS)], "lw": 1.2, "zorder": 1.5}
+    for k, (robot, place) in enumerate(zip(tracks.arena.ids, tracks.robots[row], strict=True)):
+        fill = CAPTOR_FILL["facecolor"] if robot in filled else "white"
+        look = {"fc": fill, "ec": COLOURS[k % len(COLOURS)], "lw": 1.2, "zorder": 1.5}
         axes.add_patch(Circle(place, scenario.team.radius_m, **look))
-        if len(tracks.arena.ids) <= NAMED_MAX:
+        inside = scenario.team.radius_m * points_per_m(axes) >= NUMBER_PT_MIN
+        if inside or len(tracks.arena.ids) <= NAMED_MAX:
             _draw_number(axes, place, k + 1, place - target, scenario.team.radius_m)
     axes.add_patch(Circle(target, scenario.target.radius_m, fc="0.6", ec="black", zorder=1.5))
     axes.add_patch(Circle(target, scenario.capture.stop_distance_m, fill=False, **STOP_LINE))
@@ -153,14 +183,18 @@ def draw_bodies(axes: Axes, tracks: Tracks, row: int) -> None:
 
 def _draw_number(axes: Axes, place: Floats, number: int, outward: Floats, radius_m: float) -> None:
     """A robot's number in its disc, or beside a small disc, away from the crowd at the target."""
-    low, high = axes.get_xlim()
-    spec = axes.get_subplotspec()
-    columns = spec.get_gridspec().ncols if spec else 1
-    radius_pt = radius_m * 72.0 * WIDTH_IN / columns / (high - low)
+    radius_pt = radius_m * points_per_m(axes)
     inside = radius_pt >= NUMBER_PT_MIN
     aside = (radius_pt + 5.0) * outward / max(float(np.hypot(*outward)), 1e-9)
     at = (0.0, 0.0) if inside else aside.tolist()
     note(axes, f"{number}", place.tolist(), at, 7.5 if inside else 7.0)
+
+
+def points_per_m(axes: Axes) -> float:
+    """How many points a metre has on paper; about that where the layout is not yet done."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    pixels = min(axes.bbox.width / (right - left), axes.bbox.height / (high - low))
+    return float(72.0 * pixels / axes.figure.dpi)
 
 
 def draw_start_labels(axes: Axes, tracks: Tracks) -> None:

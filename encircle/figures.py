@@ -5,7 +5,6 @@ What they are drawn with is in ``encircle.drawing``, what they show in ``encircl
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -20,29 +19,25 @@ from encircle.drawing import (
     DOTS_PER_INCH,
     LINES,
     MARKERS,
-    NAMED_MAX,
     RING_LINE,
     SIGHT_FILL,
     SIGHT_LINE,
     STOP_LINE,
     STYLE,
-    TIME_MARK,
     WIDTH_IN,
     body_handles,
     draw_bodies,
     draw_sensing,
-    draw_start_labels,
     draw_trails,
-    map_figure,
     note,
+    panels_figure,
     save,
 )
 from encircle.replaying import Recording, read_recording
-from encircle.tracks import Floats, Tracks, commands_at, ring_centre, tracks_of
+from encircle.tracks import Floats, commands_at, ring_centre, tracks_of
+from encircle.trajectories import paths_figure
 from protocol.log import printable
 from protocol.parameters import Parameters
-
-TIME_MARKS_MAX = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +60,12 @@ def draw_run(directory: Path, path: Path) -> Path:
     """Draw the trajectories of a recorded run, finished or not, as a PNG; returns its path."""
     tracks = tracks_of(read_recording(directory))
     title = "\n".join(map(printable, filter(None, (tracks.scenario.title, tracks.outcome))))
-    return _draw_paths(tracks, path, title, labelled=False)
+    return save(paths_figure(tracks, title, labelled=False), path)
 
 
 def draw_trajectories(recording: Recording, path: Path) -> Path:
     """Trajectories in the manner of the paper's Figs. 4 and 6, starts labelled S1.. and ST."""
-    return _draw_paths(tracks_of(recording), path, "", labelled=True)
+    return save(paths_figure(tracks_of(recording), "", labelled=True), path)
 
 
 def draw_snapshots(
@@ -88,7 +83,7 @@ def draw_snapshots(
         Line2D([], [], **SIGHT_LINE, label="target's sensing range"),
     ]
     with matplotlib.rc_context(STYLE):
-        figure, panels = map_figure(tracks, tracks.row(max(ticks)), 2, handles)
+        figure, panels = panels_figure(tracks, tracks.row(max(ticks)), 2, handles)
         for letter, tick, told, axes in zip("abcd", ticks, captions, panels, strict=True):
             row = tracks.row(tick)
             draw_sensing(axes, tracks, row)
@@ -143,26 +138,4 @@ def draw_execution_times(table: Sequence[TimeCurve], path: Path) -> Path:
         figure.legend(
             handles=above.get_legend_handles_labels()[0], loc="outside lower center", ncols=4
         )
-        return save(figure, path)
-
-
-def _draw_paths(tracks: Tracks, path: Path, title: str, labelled: bool) -> Path:
-    """All trails with starts and final bodies; starts ``labelled`` S1.. and ST or not."""
-    row = len(tracks.ticks) - 1
-    every = max(10, 10 * ceil(tracks.last_tick / (10 * TIME_MARKS_MAX)))
-    handles = [
-        *body_handles(tracks),
-        Line2D([], [], **STOP_LINE, label="$D_{stop}$ about the target"),
-    ]
-    marked = None
-    if len(tracks.arena.ids) <= NAMED_MAX:
-        marked = (tracks.ticks > 0) & (tracks.ticks % every == 0)
-        handles.append(Line2D([], [], **TIME_MARK, label=f"every {every} ticks"))
-    with matplotlib.rc_context(STYLE):
-        figure, (axes,) = map_figure(tracks, row, 1, handles)
-        draw_trails(axes, tracks, row, marked)
-        draw_bodies(axes, tracks, row)
-        if labelled:
-            draw_start_labels(axes, tracks)
-        axes.set_title(title, parse_math=False)
         return save(figure, path)

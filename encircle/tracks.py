@@ -18,7 +18,7 @@ from encircle.replaying import Recording
 from protocol.messages import Command, End, Point, State
 from world.engine import Arena, build, initial, truth
 from world.recording import decoded
-from world.scenario import MoveTarget, Scenario
+from world.scenario import MoveTarget, Scenario, Silence
 from world.sensing import geometry, in_sight
 
 Floats = NDArray[np.float64]
@@ -31,7 +31,8 @@ class Tracks:
 
     ``ticks``: (T,); ``positions``: (T, N + 1, 2) in m, robots in robot order, then the target;
     ``contacts``: for each tick the pairs of names that touched; ``ended``: the reason that the
-    world gave, None if the recording does not reach the end of the run.
+    world gave, None if the recording does not reach the end of the run; ``lost``: (T, N) which
+    robots were not asked, because they were lost.
     """
 
     scenario: Scenario
@@ -41,6 +42,7 @@ class Tracks:
     contacts: tuple[tuple[tuple[str, str], ...], ...]
     captured: bool
     ended: str | None
+    lost: NDArray[np.bool_]
 
     @property
     def robots(self) -> Floats:
@@ -67,10 +69,32 @@ class Tracks:
         """How it ended, in a few words."""
         tick = self.last_tick
         if self.captured:
-            return f"captured at tick {tick} ({tick * self.scenario.tick_s:.1f} s)"
+            told = f"captured at tick {tick} ({tick * self.scenario.tick_s:.1f} s)"
+            if len(self.captors) == len(self.arena.ids):
+                return told
+            needed = min(self.scenario.capture_count, int((~self.lost[-1]).sum()))
+            return f"{told} by {', '.join(self.captors)} ({needed} needed)"
         if self.ended == "ticks":
             return f"not captured in {tick} ticks ({tick * self.scenario.tick_s:.1f} s)"
         return self.ended or f"unfinished, the recording ends at tick {tick}"
+
+    @cached_property
+    def captors(self) -> tuple[str, ...]:
+        """The robots that captured: near enough, and not lost; none without a capture."""
+        rays = self.robots[-1] - self.target[-1]
+        near = (rays * rays).sum(axis=1) <= self.scenario.capture.stop_distance_m**2
+        took_part = near & ~self.lost[-1] & self.captured
+        return tuple(robot for robot, so in zip(self.arena.ids, took_part, strict=True) if so)
+
+    @cached_property
+    def silent(self) -> NDArray[np.bool_]:
+        """(T, N) which robots' radios were off by the scenario; not those that were lost."""
+        found = np.zeros(self.lost.shape, bool)
+        for event in self.scenario.events:
+            if isinstance(event, Silence):
+                during = (event.tick <= self.ticks) & (self.ticks < event.tick + event.ticks)
+                found[during, self.arena.ids.index(event.robot)] = True
+        return found & ~self.lost
 
     @cached_property
     def moved_by_hand(self) -> tuple[int, ...]:
@@ -130,15 +154,39 @@ def tracks_of(recording: Recording) -> Tracks:
     states = [decoded(State, recording, t, p) for t, _, p in recording.of_channel("state")]
     ends = [decoded(End, recording, t, p) for t, _, p in recording.of_channel("end")]
     states = states or [truth(arena, initial(arena))]
+    ticks = [s.tick for s in states]
     return Tracks(
         recording.scenario,
         arena,
-        np.array([s.tick for s in states]),
+        np.array(ticks),
         np.array([[*s.robots, s.target] for s in states]),
         tuple(s.contacts for s in states),
         states[-1].captured,
         ends[0].reason if ends else None,
+        _lost(recording, ticks),
     )
+
+
+def _lost(recording: Recording, ticks: Sequence[int]) -> NDArray[np.bool_]:
+    """(T, N) which robots got no observation; where nobody was asked, as in the tick before.
+
+    Of a recording that was cut off, the last round may be incomplete.
+    """
+    asked = {(tick, robot) for tick, robot, _ in recording.of_channel("observation")}
+    whole = max((tick for tick, _ in asked), default=-1) + recording.complete
+    lost = np.zeros((len(ticks), len(recording.scenario.ids)), bool)
+    for row, tick in enumerate(ticks):
+        if tick < whole:
+            lost[row] = [(tick, robot) not in asked for robot in recording.scenario.ids]
+        elif row:
+            lost[row] = lost[row - 1]
+    return lost
+
+
+def spans(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The stretches of rows where (T,) flags are set: first row, and the row after the last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    return [(int(first), int(after)) for first, after in edges.reshape(-1, 2)]
 
 
 def commands_at(recording: Recording, tick: int) -> tuple[Command, ...]:
