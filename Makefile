@@ -1,6 +1,8 @@
 # make setup        one virtual environment, everything pinned
 # make hunt         set up, then four robot processes and a world hunt a target over Zenoh
 # make test         set up, then the tests
+# make test-loaded  the same while all cores are busy otherwise
+# make nightly      many more seeds, hosts where it can, and the tests under load: some hours
 # make hosts        hunts over network namespaces, a host each; as root
 # make containers   hunts in containers on a real engine; as root on Debian, installs what it needs
 # make check        style, types and import contracts
@@ -10,8 +12,10 @@ PYTHON ?= python3
 VENV := .venv
 BENCH_VENV := .venv-bench
 READY := $(VENV)/.ready
+# A test that takes longer hangs, however slow and busy the machine is.
+HANG_S := 7200
 
-.PHONY: setup hunt test hosts containers check bench clean
+.PHONY: setup hunt test test-loaded nightly hosts containers check bench clean
 
 setup: $(READY)
 
@@ -26,8 +30,17 @@ $(READY): requirements.txt pyproject.toml
 hunt: setup
 	$(VENV)/bin/encircle run sim1
 
+# What goes by the clock comes last, one test at a time, with nothing of ours beside it.
 test: setup
 	$(VENV)/bin/python -m pytest
+	$(VENV)/bin/python -m pytest -n 0 -m 'realtime and not nightly and not hosts'
+
+test-loaded: setup
+	PYTEST_TIMEOUT=$(HANG_S) $(VENV)/bin/python tests/under_load.py $(MAKE) test
+
+nightly: setup
+	PYTEST_TIMEOUT=$(HANG_S) $(VENV)/bin/python -m pytest -m 'nightly or hosts'
+	$(MAKE) test-loaded
 
 hosts: setup
 	@command -v ip > /dev/null || apt-get install --yes --no-install-recommends iproute2

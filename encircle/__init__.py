@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from encircle.hunts import Hunt, resume, run
+    from encircle.launch import Patience
     from encircle.studies.study import Study
     from world.remarks import ScenarioRemark
     from world.scenario import Scenario, ScenarioError, load, shipped
 
 __all__ = [
     "Hunt",
+    "Patience",
     "Scenario",
     "ScenarioError",
     "ScenarioRemark",
@@ -31,6 +33,7 @@ __all__ = [
 _FROM = {
     **dict.fromkeys(("Hunt", "resume", "run"), "encircle.hunts"),
     **dict.fromkeys(("Scenario", "ScenarioError", "load", "shipped"), "world.scenario"),
+    "Patience": "encircle.launch",
     "ScenarioRemark": "world.remarks",
 }
 

@@ -4,6 +4,7 @@ What a command was asked for goes to standard output, everything else to standar
 status: 0 done, captured or not; 1 the run failed; 2 bad usage or configuration.
 """
 
+import argparse
 import json
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,6 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 from protocol.log import say, say_error
+from protocol.options import seconds, variable_of
 
 
 class _Stopped(Exception):
@@ -45,6 +47,18 @@ PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True}
 SetOption = Annotated[
     list[str], typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario.")
 ]
+
+
+def _as_seconds(value: str) -> float:
+    try:
+        return seconds(value)
+    except argparse.ArgumentTypeError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
+def _seconds(name: str, text: str) -> Any:
+    """An option that is a length of time, by the same name and variable as of single parties."""
+    return typer.Option(name, help=text, metavar="S", parser=_as_seconds, envvar=variable_of(name))
 
 
 def main() -> int:
@@ -101,6 +115,12 @@ def run_command(
     when_lost: Annotated[
         str, typer.Option(help="What a lost robot process means: go-on without it, or end.")
     ] = "go-on",
+    join_timeout: Annotated[
+        float | None, _seconds("--join-timeout", "Wait this long for the processes to start, in s.")
+    ] = None,
+    answer_timeout: Annotated[
+        float | None, _seconds("--answer-timeout", "Wait this long for a robot's answer, in s.")
+    ] = None,
     resume: Annotated[
         Path | None, typer.Option(metavar="RUN", help="Go on with a run that broke off.")
     ] = None,
@@ -109,6 +129,7 @@ def run_command(
     """Run one hunt, record it and draw it."""
     from encircle.hunting import Wish, hunt_and_draw
     from encircle.hunts import LINKS
+    from encircle.launch import PATIENCE, Patience
     from world.result import WHEN_LOST
 
     for name, value, known in (("link", link, LINKS), ("when-lost", when_lost, WHEN_LOST)):
@@ -124,7 +145,10 @@ def run_command(
             param_hint="--resume",
         )
     changes = [*changes, *([f"seed={seed}"] if seed is not None else [])]
-    hunt_and_draw(Wish(scenario or "", changes, out, resume, link, when_lost), as_json)
+    patience = Patience(
+        join_timeout or PATIENCE.join_s_max, answer_timeout or PATIENCE.answer_s_max
+    )
+    hunt_and_draw(Wish(scenario or "", changes, out, resume, link, when_lost, patience), as_json)
 
 
 @app.command("scenarios")

@@ -4,13 +4,13 @@ import json
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rich.console import Console
 
 from encircle.display import Display
 from encircle.hunts import Hunt, check_link, default_directory, resume, run
-from encircle.launch import RunFailed
+from encircle.launch import Patience, RunFailed
 from encircle.transport import SHOWN_MAX, show
 from protocol.interrupts import Interrupted, held, saying
 from protocol.log import say, say_error
@@ -29,16 +29,22 @@ class Wish(NamedTuple):
     resume: Path | None
     link: str
     when_lost: str
+    patience: Patience
 
 
 def _hunt(wish: Wish, scenario: Scenario, directory: Path, display: Display) -> Hunt:
-    link, when_lost, progress = wish.link, wish.when_lost, display.update
+    how: dict[str, Any] = {
+        "link": wish.link,
+        "progress": display.update,
+        "when_lost": wish.when_lost,
+        "patience": wish.patience,
+    }
     if wish.resume is not None:
-        return resume(directory, link=link, progress=progress, when_lost=when_lost)
+        return resume(directory, **how)
     with warnings.catch_warnings():
         # They have been told in lines of their own.
         warnings.simplefilter("ignore", ScenarioRemark)
-        return run(scenario, link=link, out=directory, progress=progress, when_lost=when_lost)
+        return run(scenario, out=directory, **how)
 
 
 def _is_resumable(error: RunFailed | Interrupted, directory: Path) -> bool:

@@ -20,6 +20,7 @@ from world.run_directory import create, new_directory, start_recording, write_su
 from world.scenario import Scenario, ScenarioError, load
 
 if TYPE_CHECKING:
+    from encircle.launch import Patience
     from world.core import WorldCore
     from world.resuming import Resumed
 
@@ -82,6 +83,7 @@ def run(
     progress: Callable[[dict[str, Any]], None] | None = None,
     start_order: Sequence[str] | None = None,
     when_lost: str = GO_ON,
+    patience: "Patience | None" = None,
 ) -> Hunt:
     """Run one hunt and wait for its end.
 
@@ -89,7 +91,8 @@ def run(
     for one process per robot and one for the world, ``memory`` for the same code in this process.
     ``out``: a directory for recording and summary, which must be new or empty; none by default.
     ``progress`` is called now and then with ``{"tick", "distances_m"}``. ``when_lost``: whether the
-    run is to ``go-on`` without a robot whose process is lost, or to ``end``.
+    run is to ``go-on`` without a robot whose process is lost, or to ``end``. ``patience``: how long
+    processes are waited for, ``encircle.launch.PATIENCE`` if left out.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
     unusable directory and ``RunFailed`` if the run does not come to its end; in memory
@@ -116,9 +119,10 @@ def run(
                 result, timing, processes = _in_memory(loaded, name, directory, tell)
             else:
                 order = start_order or ["world", *loaded.ids]
-                result, timing, processes = _as_processes(
-                    loaded, name, directory, tell, order, when_lost
+                result, timing = _as_processes(
+                    loaded, name, directory, tell, order, when_lost, patience
                 )
+                processes = len(order)
     finally:
         if directory is not None and is_new:
             # Of a run that has not begun nothing is left.
@@ -134,11 +138,13 @@ def resume(
     link: str = "zenoh",
     progress: Callable[[dict[str, Any]], None] | None = None,
     when_lost: str = GO_ON,
+    patience: "Patience | None" = None,
 ) -> Hunt:
     """Go on with a run that broke off, where its recording in ``directory`` ends, to its end.
 
-    The recording becomes whole; what it was is kept beside it. ``link``, ``progress`` and
-    ``when_lost``: as for ``run``, and the link may be another. Raises ``RunDirectoryError`` if
+    The recording becomes whole; what it was is kept beside it. ``link``, ``progress``,
+    ``when_lost`` and ``patience``: as for ``run``, and the link may be another. Raises
+    ``RunDirectoryError`` if
     there is nothing to go on with, or if what is recorded is not what this program comes to;
     then nothing has been changed. ``RunFailed`` as for ``run``.
     """
@@ -158,7 +164,9 @@ def resume(
 
             arguments = ["--resume", str(place), "--when-lost", when_lost]
             order = ["world", *scenario.ids]
-            result, timing = run_processes(arguments, scenario.ids, name, tell, order, place)
+            result, timing = run_processes(
+                arguments, scenario.ids, name, tell, order, place, patience
+            )
             processes = len(order)
     wall_s = time.perf_counter() - begun
     return Hunt(scenario, scenario.seed, link, name, result, processes, wall_s, place, timing)
@@ -231,7 +239,8 @@ def _as_processes(
     tell: Callable[[dict[str, Any]], None],
     order: Sequence[str],
     when_lost: str,
-) -> tuple[Result, dict[str, Any], int]:
+    patience: "Patience | None",
+) -> tuple[Result, dict[str, Any]]:
     from encircle.launch import run_processes
 
     with tempfile.TemporaryDirectory(prefix="encircle-") as scratch:
@@ -240,8 +249,7 @@ def _as_processes(
         path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
         arguments = [str(path), *(["--out", str(directory)] if directory else [])]
         arguments += ["--when-lost", when_lost]
-        result, timing = run_processes(arguments, scenario.ids, name, tell, order, directory)
-    return result, timing, len(scenario.ids) + 1
+        return run_processes(arguments, scenario.ids, name, tell, order, directory, patience)
 
 
 def default_directory(scenario_name: str, seed: int) -> Path:

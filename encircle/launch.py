@@ -14,6 +14,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,26 @@ ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """A robot's matrices are tiny; a pool of idle threads in every process only costs memory."""
 OUTPUT_LINE_BYTES_MAX = 1024 * 1024
 ERROR_LINES_MAX = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long to wait, in s, for processes at the start and for whoever has to answer.
+
+    A machine that is busy with other things needs more of it than others. It is for hangs alone:
+    a process that ends is noticed at once.
+    """
+
+    join_s_max: float = 30.0
+    answer_s_max: float = STOP_S_MAX
+
+    @property
+    def silence_s_max(self) -> float:
+        """How long the world may say nothing: it speaks up each second that it waits."""
+        return max(SILENCE_S_MAX, 2.0 * self.answer_s_max)
+
+
+PATIENCE = Patience()
 
 
 class RunFailed(Exception):
@@ -59,6 +80,7 @@ def run_processes(
     report: Callable[[dict[str, Any]], None],
     start_order: Sequence[str] | None = None,
     directory: Path | None = None,
+    patience: Patience | None = None,
 ) -> tuple[Result, dict[str, Any]]:
     """Run a hunt with one process per robot; returns its result and timings.
 
@@ -66,7 +88,7 @@ def run_processes(
     reports, and ``{"started": {name: pid}, "run": name, "endpoint": endpoint}`` first.
     ``start_order`` is for tests; ``directory``: that of the run, if any. Raises ``RunFailed``.
     """
-    launch = _Launch(run, robots, report, directory)
+    launch = _Launch(run, robots, report, directory, patience or PATIENCE)
     with told_to(launch.interrupt):
         found = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
     if launch.interrupted or found is None:
@@ -81,11 +103,13 @@ class _Launch:
         robots: Sequence[str],
         report: Callable[[dict[str, Any]], None],
         directory: Path | None,
+        patience: Patience,
     ) -> None:
         self.name = run
         self.robots = robots
         self.own = ["--tracebacks", str(directory)] if directory is not None else []
         self.report = report
+        self.patience = patience
         self.endpoint = free_endpoint()
         self.processes: dict[str, asyncio.subprocess.Process] = {}
         self.result: dict[str, Any] | None = None
@@ -117,13 +141,17 @@ class _Launch:
 
     async def _start(self, name: str, world_arguments: Sequence[str]) -> None:
         own = (
-            ["world", *world_arguments, "--listen", self.endpoint, "--parent", "--json"]
+            [
+                *("world", *world_arguments, "--listen", self.endpoint, "--parent", "--json"),
+                *("--answer-timeout", f"{self.patience.answer_s_max}"),
+            ]
             if name == "world"
             else ["agents", name, "--connect", self.endpoint, "--quiet", *self.own]
         )
         pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
         self.processes[name] = await asyncio.create_subprocess_exec(
             *(sys.executable, "-m", *own, "--run", self.name),
+            *("--join-timeout", f"{self.patience.join_s_max}"),
             stdin=pipe if name == "world" else none,
             stdout=pipe if name == "world" else none,
             stderr=pipe,
@@ -147,7 +175,7 @@ class _Launch:
                 or (not self.begun and any(map(self._has_ended, self.processes)))
             )
             silence_s = time.monotonic() - self.heard_s if self.begun else 0.0
-            s_max = max(0.0, SILENCE_S_MAX - silence_s)
+            s_max = max(0.0, self.patience.silence_s_max - silence_s)
             done, waiting = await asyncio.wait(
                 waiting,
                 timeout=STOP_S_MAX if ending else min(s_max, HELD_S) if self.held_s else s_max,
@@ -156,13 +184,15 @@ class _Launch:
             if ending and not done:
                 break
             # The world speaks up when a robot does not answer; nobody does when the world hangs.
-            self.silent = self.begun and time.monotonic() - self.heard_s >= SILENCE_S_MAX
+            silence_s = time.monotonic() - self.heard_s
+            self.silent = self.begun and silence_s >= self.patience.silence_s_max
             self._look_at_ends()
             if self.processes["world"].returncode not in (None, 0):
                 # Robots would wait for it to come back.
                 break
         await self._stop_all()
-        await asyncio.wait(readers, timeout=1.0)
+        # All have ended, and what they said last is there to be read.
+        await asyncio.wait(readers, timeout=self.patience.answer_s_max)
         for reader in readers:
             reader.cancel()
 
@@ -234,13 +264,14 @@ class _Launch:
         if self.silent and not self._has_ended("world"):
             # It would not do anything else that it is asked either.
             self.processes["world"].kill()
-        for end in ("terminate", "kill"):
+        # A world that was asked to end has a recording to complete.
+        for end, s_max in (("terminate", self.patience.answer_s_max), ("kill", STOP_S_MAX)):
             living = [p for p in self.processes.values() if p.returncode is None]
             for process in living:
                 getattr(process, end)()
             if living:
                 waits = [asyncio.create_task(process.wait()) for process in living]
-                await asyncio.wait(waits, timeout=STOP_S_MAX)
+                await asyncio.wait(waits, timeout=s_max)
 
     def _outcome(self) -> tuple[Result, dict[str, Any]]:
         """The result, or ``RunFailed`` with the one line that says what happened first."""
@@ -286,7 +317,8 @@ class _Launch:
     def _first_failure(self) -> str:
         """Why there is no result at all: what the first process to fail said, or how it ended."""
         if self.silent:
-            return f"the world has said nothing for {SILENCE_S_MAX:g} s at tick {self.tick}"
+            s_max = self.patience.silence_s_max
+            return f"the world has said nothing for {s_max:g} s at tick {self.tick}"
         name = "world" if self.begun or not self.failed else self.failed[0]
         said = [line for line in self.errors.get(name, []) if not _in_passing(line)]
         status = self.processes[name].returncode

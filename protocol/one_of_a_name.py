@@ -15,7 +15,7 @@ from protocol.access import LinkError
 from protocol.zenoh_link import is_alive
 
 FREE_S_MAX = 2.0
-LOOK_S_MAX = 1.0
+LOOK_S_MAX = 5.0
 PERIOD_S = 0.1
 
 

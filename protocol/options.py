@@ -63,7 +63,7 @@ class Options:
         metavar: str | None = None,
     ) -> None:
         """An option ``--name``, or a positional argument if ``name`` has no dashes."""
-        variable = variable or _variable(name)
+        variable = variable or variable_of(name)
         self._parser.add_argument(
             name,
             help=f"{text} [{variable}]",
@@ -88,20 +88,20 @@ class Options:
         ``joins``: the command line adds to what the environment says instead of replacing it.
         """
         self._parser.add_argument(
-            name, help=f"{text} [{_variable(name)}]", metavar=metavar, action="append"
+            name, help=f"{text} [{variable_of(name)}]", metavar=metavar, action="append"
         )
 
         def read(value: str) -> list[str]:
             parts = (part.strip() for part in re.split(f"[{separators}]", value))
             return [part for part in parts if part]
 
-        self._keep(_Setting(name, _variable(name), read, [], False, joins))
+        self._keep(_Setting(name, variable_of(name), read, [], False, joins))
 
     def add_flag(self, name: str, text: str) -> None:
         """An option without a value; in its variable, yes or no."""
-        help_text = f"{text} [{_variable(name)}=yes]"
+        help_text = f"{text} [{variable_of(name)}=yes]"
         self._parser.add_argument(name, help=help_text, action="store_const", const=True)
-        self._keep(_Setting(name, _variable(name), _yes_or_no, False, False, joins=False))
+        self._keep(_Setting(name, variable_of(name), _yes_or_no, False, False, joins=False))
 
     def add_access(self) -> None:
         """The options of ``access``."""
@@ -247,7 +247,8 @@ def _yes_or_no(value: str) -> bool:
     return value.lower() in YES
 
 
-def _variable(name: str) -> str:
+def variable_of(name: str) -> str:
+    """The environment variable that stands in for an option."""
     return PREFIX + _key(name).upper()
 
 

@@ -7,14 +7,18 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from helpers_waiting import LONGEST_S, completed, ended, until
+
+from protocol.access import Access
+from protocol.keys import robot_key
+from protocol.zenoh_link import alive_keys, open_session
+
 HERE = Path(__file__).parents[1]
-WAIT_S_MAX = 40.0
-STEP_S = 0.02
 _numbers = itertools.count()
 
 
@@ -29,10 +33,16 @@ def possible() -> bool:
     return made.returncode == 0
 
 
+def wait_for_robots(endpoint: str, run: str, count: int) -> None:
+    """Until so many robots of a run are there: who comes then has not long to wait for them."""
+    access = Access(connect=(endpoint,), connect_s_max=LONGEST_S)
+    with open_session(access) as session:
+        there = partial(alive_keys, session, robot_key(run, "*", "alive"), LONGEST_S)
+        until(lambda: len(there()) >= count, f"{count} robots of run {run}")
+
+
 def ip(*arguments: str) -> None:
-    done = subprocess.run(
-        ["ip", *arguments], capture_output=True, text=True, check=False, timeout=WAIT_S_MAX
-    )
+    done = completed(["ip", *arguments])
     if done.returncode:
         raise OSError(f"ip {' '.join(arguments)}: {done.stderr.strip()}")
 
@@ -148,11 +158,14 @@ class Party:
         return next(report["result"] for report in self.reports() if "result" in report)
 
     def wait_until(self, happened: Callable[["Party"], bool]) -> None:
-        deadline = time.monotonic() + WAIT_S_MAX
-        while not happened(self):
-            assert self._process.poll() is None, f"ended too early: {self.said}"
-            assert time.monotonic() < deadline, f"waited in vain: {self.said}"
-            time.sleep(STEP_S)
+        def holds() -> bool:
+            over = self._process.poll() is not None
+            if happened(self):
+                return True
+            assert not over, f"ended too early: {self.said}"
+            return False
+
+        until(holds, f"{self._process.args} to go on", self._lengths)
 
     def wait_for_tick(self, tick: int) -> None:
         """Until a world has come so far."""
@@ -164,7 +177,11 @@ class Party:
 
     def end(self) -> int:
         """Wait for the end; the exit status."""
-        return self._process.wait(timeout=WAIT_S_MAX)
+        return ended(self._process, self._lengths)
+
+    def _lengths(self) -> tuple[int, int]:
+        """How much it has said."""
+        return self._out.stat().st_size, self._err.stat().st_size
 
     def terminate(self) -> int:
         self._process.terminate()
@@ -173,4 +190,4 @@ class Party:
     def kill(self) -> None:
         if self._process.poll() is None:
             self._process.kill()
-        self._process.wait(timeout=WAIT_S_MAX)
+        self._process.wait()

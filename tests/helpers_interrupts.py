@@ -7,21 +7,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-STUCK_S_MAX = 120.0
-"""How long nothing at all may happen on however busy a machine."""
-STEP_S = 0.01
+from helpers_waiting import until
+
 SEMAPHORES, PYTHONS = Path("/dev/shm"), ("sem.mp-*", "psm_*")
 """Where semaphores and shared memory have names, and those that Python's workers give them."""
-
-
-def until(happened: Callable[[], bool], what: str) -> None:
-    deadline_s = time.monotonic() + STUCK_S_MAX
-    while not happened():
-        assert time.monotonic() < deadline_s, f"waited in vain for {what}"
-        time.sleep(STEP_S)
 
 
 def ours(*arguments: str) -> list[str]:

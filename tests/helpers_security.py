@@ -2,8 +2,7 @@
 
 import itertools
 import socket
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -17,18 +16,8 @@ from protocol.access import Identity
 from protocol.security import configuration_file, gate, identity_in, tls
 
 ROBOTS = ("r1", "r2", "r3", "r4")
-WAIT_S_MAX = 20.0
-STEP_S = 0.02
 REFUSED_S_MAX = 0.3
 """How long those go on trying to connect who never will."""
-
-
-def until(happened: Callable[[], bool], what: str) -> None:
-    """Wait for something; fails the test if it does not happen."""
-    deadline = time.monotonic() + WAIT_S_MAX
-    while not happened():
-        assert time.monotonic() < deadline, f"waited in vain for {what}"
-        time.sleep(STEP_S)
 
 
 def free_endpoint(protocol: str) -> str:

@@ -1,6 +1,7 @@
 """The health check: whether a party can be found, not whether its process exists."""
 
 import pytest
+from helpers_waiting import LONGEST_S, until
 
 from encircle.launch import free_endpoint
 from protocol.access import Access
@@ -9,6 +10,7 @@ from protocol.keys import robot_key, world_key
 from protocol.zenoh_link import ZenohLink, open_session
 
 QUICK = ("--check-timeout", "1")
+PATIENT = ("--check-timeout", f"{LONGEST_S}")
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +27,7 @@ def router():
 
 
 def test_a_router_is_there_or_not(router, capsys):
-    assert main(["router", "--connect", router]) == 0
+    assert main(["router", "--connect", router, *PATIENT]) == 0
     assert capsys.readouterr().out == f"alive: router at {router}: there\n"
     nowhere = free_endpoint()
     assert main(["router", "--connect", nowhere, *QUICK]) == 1
@@ -34,7 +36,7 @@ def test_a_router_is_there_or_not(router, capsys):
 
 def test_what_listens_is_asked_where_it_listens(router, environment):
     environment.setenv("ENCIRCLE_LISTEN", router.replace("127.0.0.1", "0.0.0.0"))
-    assert main(["router"]) == 0
+    assert main(["router", *PATIENT]) == 0
 
 
 @pytest.mark.parametrize("directly", [False, True])
@@ -50,17 +52,13 @@ def test_world_and_robots_are_found_by_their_tokens(router, environment, directl
         world.announce(world_key("t", "alive"))
         robot.announce(robot_key("t", "r1", "alive"))
         # The next look has to find what was declared before: a round trip later it is there.
-        assert eventually(lambda: main(["world", *QUICK]) == 0)
-        assert eventually(lambda: main(["robot", "--robot", "r1", *QUICK]) == 0)
+        until(lambda: main(["world", *PATIENT]) == 0, "the world's token")
+        until(lambda: main(["robot", "--robot", "r1", *PATIENT]) == 0, "the robot's token")
         assert main(["robot", "--robot", "r2", *QUICK]) == 1
         assert main(["world", "--run", "another", *QUICK]) == 1
     finally:
         robot.close()
         world.close()
-
-
-def eventually(holds, times=20):
-    return any(holds() for _ in range(times))
 
 
 @pytest.mark.parametrize(

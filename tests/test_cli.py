@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers_waiting import completed
 
 import encircle
 
@@ -25,14 +26,7 @@ REQUIRED = {
 
 
 def command(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "encircle", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        timeout=60,
-        check=False,
-    )
+    return completed([sys.executable, "-m", "encircle", *arguments], cwd=folder)
 
 
 def test_run_prints_one_json_object_and_nothing_else_on_standard_output(tmp_path):
@@ -162,9 +156,8 @@ def test_all_errors_of_a_scenario_are_shown_at_once(tmp_path):
 
 def test_the_program_starts_without_the_plotting_library():
     code = "import sys, encircle.cli, encircle.hunts, encircle.launch; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
-    )
+    done = completed([sys.executable, "-c", code])
+    assert done.returncode == 0, done.stderr
     assert not {"matplotlib", "scipy", "agents.brain"} & set(done.stdout.split())
 
 
@@ -175,9 +168,7 @@ def test_a_robot_imports_only_what_a_robot_uses():
         "    import agents.robot\n"
         "print(*sys.modules)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
-    )
+    done = completed([sys.executable, "-c", code])
     loaded = set(done.stdout.split())
     assert "filterpy.kalman.kalman_filter" in loaded
     unwanted = {"world", "encircle", "matplotlib", "pydantic", "mcap", "typer", "rich"}
@@ -192,9 +183,7 @@ def test_what_was_postponed_works_when_it_is_used():
         "import scipy.stats\n"
         "print(filterpy.stats.logpdf(1.0, 0.0, 1.0) == scipy.stats.norm.logpdf(1.0))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
-    )
+    done = completed([sys.executable, "-c", code])
     assert done.stdout.strip() == "True", done.stderr
 
 

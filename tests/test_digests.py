@@ -34,7 +34,6 @@ BY_PROCESSES = (2, 5) if ONE is None else (int(ONE),)
 NIGHTLY = [range(first, first + 50) for first in range(1_000, 2_000, 50)]
 NIGHTLY_BY_SESSION = [range(first, first + 50) for first in range(1_000, 1_400, 50)]
 NIGHTLY_BY_PROCESSES = range(1_000, 1_030)
-LATE_S = "120"
 
 
 def script(recording: Path, monkeypatch, capsys) -> str:
@@ -80,11 +79,10 @@ def over_zenoh(seed: int, folder: Path, monkeypatch, capsys) -> None:
 
 
 def by_processes(scenario: Scenario, out: Path) -> str:
-    """The digest of a run over Zenoh in which no robot is given up because the machine is slow."""
+    """The digest of a run over Zenoh."""
     path = out.with_suffix(".json")
     path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
-    patience = ["--answer-timeout", LATE_S, "--join-timeout", LATE_S]
-    arguments = [str(path), "--out", str(out), *patience]
+    arguments = [str(path), "--out", str(out)]
     return run_processes(arguments, scenario.ids, "drawn", lambda _report: None)[0].digest
 
 
@@ -121,18 +119,16 @@ def test_what_robots_refuse_is_not_in_the_digest_whichever_way_a_run_goes(
 
 
 @pytest.mark.nightly
-@pytest.mark.timeout(1200)
+@pytest.mark.timeout(7200)
 @pytest.mark.parametrize("seeds", NIGHTLY, ids=lambda seeds: f"{seeds[0]}-{seeds[-1]}")
 def test_all_ways_of_many_drawn_runs_have_one_digest(seeds, tmp_path, monkeypatch, capsys):
     noted(compare, seeds, tmp_path, monkeypatch, capsys)
 
 
 @pytest.mark.nightly
-@pytest.mark.timeout(1200)
+@pytest.mark.timeout(7200)
 @pytest.mark.parametrize("seeds", NIGHTLY_BY_SESSION, ids=lambda seeds: f"{seeds[0]}-{seeds[-1]}")
 def test_many_drawn_runs_through_kept_processes_have_one_digest(seeds, monkeypatch):
-    monkeypatch.setattr(session, "ANSWER_S_MAX", float(LATE_S))
-    monkeypatch.setattr(session, "JOIN_S_MAX", float(LATE_S))
     with session.Session([f"r{k + 1}" for k in range(8)]) as robots:
         noted(through, seeds, robots)
 
@@ -144,6 +140,6 @@ def through(seed: int, robots: session.Session) -> None:
 
 
 @pytest.mark.nightly
-@pytest.mark.timeout(1200)
+@pytest.mark.timeout(7200)
 def test_many_drawn_runs_over_processes_have_one_digest(tmp_path, monkeypatch, capsys):
     noted(over_zenoh, NIGHTLY_BY_PROCESSES, tmp_path, monkeypatch, capsys)

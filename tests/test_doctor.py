@@ -14,6 +14,7 @@ import msgpack
 import pytest
 from helpers_security import Lab
 from helpers_security import free_endpoint as free
+from helpers_waiting import LONGEST_S, until
 from packaging.specifiers import SpecifierSet
 
 from encircle import checkup, checkup_network, checkup_run, doctor
@@ -26,7 +27,6 @@ from protocol.mailbox import now_us
 from protocol.zenoh_link import ZenohLink, answer, open_session
 
 MIB = 1024 * 1024
-QUICK = ("--check-timeout", "2")
 
 
 def levels(findings, check):
@@ -52,8 +52,8 @@ class Examined(NamedTuple):
 
 @pytest.fixture
 def examine(capsys):
-    def run(*arguments):
-        status = doctor.main([*arguments, "--json", *QUICK])
+    def run(*arguments, check_s=LONGEST_S):
+        status = doctor.main([*arguments, "--json", "--check-timeout", f"{check_s}"])
         told = json.loads(capsys.readouterr().out)
         findings = [checkup.Finding(**finding) for finding in told["findings"]]
         assert told["well"] == (status == 0)
@@ -209,7 +209,7 @@ def test_a_port_is_free_or_it_is_said_who_has_it(examine):
     endpoint = free_endpoint()
     assert examine("--listen", endpoint).said("ports", "ok") == f"{endpoint} is free to listen on"
     with socket.create_server(("127.0.0.1", int(endpoint.rpartition(":")[2]))):
-        found = examine("--listen", endpoint)
+        found = examine("--listen", endpoint, check_s=1.0)
     assert found.status == 1
     assert f"{endpoint} is in use by PID {os.getpid()}: " in found.said("ports", "wrong")
     # It was looked whether it is the party in question, and it is nothing of the sort.
@@ -269,7 +269,7 @@ def test_a_step_that_never_ends_is_given_up(examine, monkeypatch):
     ended = []
     monkeypatch.setattr(os, "_exit", ended.append)
     monkeypatch.setattr(doctor, "connecting_to", lambda *_: threading.Event().wait())
-    found = examine("--connect", "tcp/127.0.0.1:1")
+    found = examine("--connect", "tcp/127.0.0.1:1", check_s=2.0)
     assert "no end after 4 s" in found.said("endpoints", "wrong")
     assert ended == [1]
 
@@ -313,11 +313,17 @@ def party(router):
 
 def settled(examine, router, *arguments):
     """The findings once all tokens have come to the router."""
-    for _ in range(20):
-        found = examine("--connect", router, *arguments)
-        if found.status == 0:
-            return found
-    return found
+    return examined(examine, "--connect", router, *arguments)
+
+
+def examined(examine, *arguments, holds=lambda found: found.status == 0):
+    """The findings once something holds of them."""
+
+    def looked():
+        found = examine(*arguments)
+        return found if holds(found) else None
+
+    return until(looked, "what was declared to be found")
 
 
 def test_all_is_well_with_a_run_that_is_whole(examine, router, party):
@@ -340,10 +346,7 @@ def test_without_a_runs_name_all_runs_are_listed(examine, router, party):
     assert "no run is under way" in nothing.said("run", "note")
     party("world", run="one")
     party("r1", run="two")
-    for _ in range(20):
-        found = examine("--connect", router)
-        if len(found.of("run")) == 2:
-            break
+    found = examined(examine, "--connect", router, holds=lambda found: len(found.of("run")) == 2)
     assert found.said("run", "ok") == "run one: world | run two: r1"
 
 
@@ -365,11 +368,11 @@ def test_who_is_missing_is_named(examine, router, party):
 @pytest.mark.parametrize(("ahead_s", "level"), [(0.2, "note"), (-0.2, "note"), (7.0, "wrong")])
 def test_a_clock_that_is_off_is_found_to_be(examine, router, party, ahead_s, level):
     party("world", reply=replier("world", lambda: now_us() + int(ahead_s * 1e6)))
-    for _ in range(20):
-        found = examine("--connect", router, "--run", "t")
-        offsets = [f for f in found.of("clock") if f.said.startswith("world's")]
-        if offsets:
-            break
+
+    def of_world(found):
+        return [f for f in found.of("clock") if f.said.startswith("world's")]
+
+    offsets = of_world(examined(examine, "--connect", router, "--run", "t", holds=of_world))
     ((_, _, said, _),) = offsets
     assert offsets[0].level == level
     words = said.split()
@@ -393,10 +396,12 @@ def test_parties_of_another_version_and_of_none_are_told_apart(examine, router, 
     thread = threading.Thread(target=talk)
     thread.start()
     try:
-        for _ in range(20):
-            found = examine("--connect", router, "--run", "t")
-            if found.said("run", "ok") == "run t: world, r1, r2, r3, r4":
-                break
+        whole = "run t: world, r1, r2, r3, r4"
+        found = examined(
+            examine,
+            *("--connect", router, "--run", "t"),
+            holds=lambda found: found.said("run", "ok") == whole,
+        )
     finally:
         stop.set()
         thread.join()
@@ -415,7 +420,7 @@ def test_a_router_of_other_make_is_only_noted(examine):
 
 def test_what_answers_but_is_no_zenoh_is_said(examine):
     with socket.create_server(("127.0.0.1", 0)) as server:
-        found = examine("--connect", f"tcp/127.0.0.1:{server.getsockname()[1]}")
+        found = examine("--connect", f"tcp/127.0.0.1:{server.getsockname()[1]}", check_s=1.0)
     assert [f.level for f in found.of("endpoints")] == ["ok"]
     assert "cannot connect" in found.said("session", "wrong")
 
@@ -447,14 +452,11 @@ def test_certificates_let_it_ask_who_they_are(examine, lab, tmp_path):
             link.tell_about(world_key("t", "about"), "world")
             link.announce(world_key("t", "alive"))
             secured = ("--connect", endpoint, "--certificates", str(lab.directory), "--run", "t")
-            for _ in range(20):
-                found = examine(*secured)
-                if found.status == 0:
-                    break
+            found = examined(examine, *secured)
             assert found.said("run", "ok") == "run t: world"
             for name in ("router", "world"):
                 assert f"{name}: wire version {VERSION}" in found.said("versions", "ok")
-            stranger = examine("--connect", endpoint.replace("tls/", "tcp/"))
+            stranger = examine("--connect", endpoint.replace("tls/", "tcp/"), check_s=1.0)
             assert "cannot connect" in stranger.said("session", "wrong")
         finally:
             link.close()

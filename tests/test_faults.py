@@ -4,7 +4,6 @@ import json
 import os
 import resource
 import signal
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 import pytest
 from helpers_hosts import Party
+from helpers_waiting import LONGEST_S, ample_s, completed
 
 import encircle
 from encircle.launch import free_endpoint
@@ -31,7 +31,6 @@ LONG: dict[str, Any] = {
 }
 """The target is faster than the robots, so that there is time for things to happen."""
 ENDLESS = LONG | {"ticks_max": 1_000_000}
-ANSWER_S = "0.5"
 SOME_TICKS = 20
 ENOUGH_BYTES = 150_000
 """Of a recording: the hunt is under way, and two chunks at least are on the disk."""
@@ -48,6 +47,13 @@ class Hunt:
         self.scenario = folder / "scenario.json"
         self.scenario.write_text(json.dumps(scenario))
         self.robots: dict[str, Party] = {}
+        self.limits: tuple[str, ...] = ()
+
+    def lose_the_silent(self) -> str:
+        """Have robots lost that do not answer for longer than any that can; what is said then."""
+        answer_s = f"{ample_s():g}"
+        self.limits = ("--answer-timeout", answer_s)
+        return f"lost: no answer for {answer_s} s"
 
     def start(self, *arguments: str) -> Party:
         return self.start_as(arguments[0], "-m", *arguments)
@@ -58,11 +64,9 @@ class Hunt:
         self.parties.append(party)
         return party
 
-    def start_world(self, how: str = "--listen", answer_s: str = ANSWER_S) -> None:
-        self.world = self.start(
-            *("world", str(self.scenario), how, self.endpoint, "--out", str(self.out)),
-            *("--answer-timeout", answer_s),
-        )
+    def start_world(self, how: str = "--listen") -> None:
+        where = (how, self.endpoint, "--out", str(self.out))
+        self.world = self.start("world", str(self.scenario), *where, *self.limits)
 
     def start_router(self) -> Party:
         command = ("-m", "protocol.router", "--listen", self.endpoint)
@@ -132,6 +136,7 @@ def teams_at(recording, tick: int) -> dict[str, tuple[str, ...]]:
 
 
 def test_robots_killed_started_anew_frozen_and_thawed_are_lost_and_counted_in_again(hunt):
+    silent = hunt.lose_the_silent()
     hunt.start_all()
     hunt.wait_for_ticks()
     hunt.signal("r2", signal.SIGKILL)
@@ -141,7 +146,8 @@ def test_robots_killed_started_anew_frozen_and_thawed_are_lost_and_counted_in_ag
     hunt.wait_for(lambda seen: seen[1:] == [("r2", "back")])
     hunt.wait_for_ticks()
     hunt.signal("r3", signal.SIGSTOP)
-    hunt.wait_for(lambda seen: seen[2:] == [("r3", f"lost: no answer for {ANSWER_S} s")])
+    # On a machine so busy that an answer may take long, Zenoh may give its connection up before.
+    hunt.wait_for(lambda seen: seen[2:] in ([("r3", silent)], [("r3", "lost: it is gone")]))
     hunt.wait_for_ticks()
     hunt.signal("r3", signal.SIGCONT)
     hunt.wait_for(lambda seen: seen[3:] == [("r3", "back")])
@@ -183,11 +189,11 @@ def test_a_run_without_any_robot_left_fails_with_one_line(hunt):
 
 def test_robots_wait_for_a_world_that_is_resumed_and_finish_its_run(finite_hunt):
     hunt = finite_hunt
-    hunt.start_all()
+    hunt.start_all("--world-timeout", f"{LONGEST_S}")
     hunt.world.wait_until(lambda _world: recorded_bytes(hunt.out) > ENOUGH_BYTES)
     hunt.world.kill()
     for party in hunt.robots.values():
-        party.wait_until(lambda robot: "waiting up to 10 s for it" in robot.said)
+        party.wait_until(lambda robot: f"waiting up to {LONGEST_S:g} s for it" in robot.said)
     again = hunt.start("world", "--resume", str(hunt.out), "--listen", hunt.endpoint)
     assert again.end() == 0, again.said
     assert [party.end() for party in hunt.robots.values()] == [0] * 4
@@ -221,7 +227,7 @@ def test_robots_whose_world_does_not_come_back_end_with_one_line(hunt):
 def test_a_router_that_is_killed_and_started_anew_changes_nothing(finite_hunt):
     hunt = finite_hunt
     router = hunt.start_router()
-    hunt.start_world("--connect", answer_s="20")
+    hunt.start_world("--connect")
     for robot in ROBOTS:
         hunt.start_robot(robot)
     hunt.wait_for_ticks()
@@ -259,13 +265,17 @@ sys.exit(main(sys.argv[1:]))
 def test_a_robot_that_speaks_another_version_says_which_and_the_run_goes_on_without_it(
     hunt, world_goes
 ):
+    silent = hunt.lose_the_silent()
     hunt.start_world()
     for robot in ROBOTS[1:]:
-        hunt.start_robot(robot)
-    waits = ("--world-timeout", "0.5") if world_goes else ("--join-timeout", "3")
+        party = hunt.start_robot(robot)
+        party.wait_until(lambda robot: "waiting for the world" in robot.said)
+    # It is there from before the first tick until it is lost and was asked for its version.
+    join_s = 10.0 * float(hunt.limits[-1])
+    waits = ("--world-timeout", "0.5") if world_goes else ("--join-timeout", f"{join_s}")
     options = ("--connect", hunt.endpoint, *waits)
     odd = hunt.start_as("r1", "-c", OTHER_VERSION, "r1", *options)
-    hunt.wait_for(lambda seen: seen == [("r1", f"lost: no answer for {ANSWER_S} s")])
+    hunt.wait_for(lambda seen: seen == [("r1", silent)])
     mismatch = f"robot r1 speaks version 99 of the wire, this is {VERSION}"
     hunt.world.wait_until(lambda world: mismatch in world.said)
     if world_goes:
@@ -295,14 +305,14 @@ sys.exit(main(sys.argv[1:]))
 """A robot to which, from some tick on, no observation gets through, until it is set up anew."""
 
 
-@pytest.mark.parametrize("clock", [{}, {"clock": "wall", "tick_s": 0.02}])
+@pytest.mark.parametrize("clock", ["lockstep", pytest.param("wall", marks=pytest.mark.realtime)])
 def test_a_robot_that_missed_what_it_was_asked_is_asked_anew_and_back(hunt, clock):
-    hunt.scenario.write_text(json.dumps(ENDLESS | clock))
+    hunt.scenario.write_text(json.dumps(ENDLESS | {"clock": clock, "tick_s": 0.02}))
+    lost = ("r2", hunt.lose_the_silent())
     hunt.start_world()
     for robot in ("r1", "r3", "r4"):
         hunt.start_robot(robot)
     hunt.robots["r2"] = hunt.start_as("r2", "-c", DEAF, "r2", "--connect", hunt.endpoint)
-    lost = ("r2", f"lost: no answer for {ANSWER_S} s")
     hunt.wait_for(lambda seen: seen == [lost, ("r2", "back")])
     hunt.wait_for_ticks()
     assert hunt.world.terminate() == 1
@@ -379,15 +389,11 @@ def test_a_full_disk_ends_the_run_with_one_line_and_leaves_a_recording_to_go_on_
 ):
     scenario, out = tmp_path / "long.json", tmp_path / "run"
     scenario.write_text(json.dumps(LONG))
-    done = subprocess.run(
+    done = completed(
         [
             *(sys.executable, "-m", "encircle", "run", str(scenario), "--link", link),
             *("--out", str(out)),
         ],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
         # As if the disk had so much room for a file, and no more.
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM_BYTES, ROOM_BYTES)),
     )

@@ -1,7 +1,7 @@
 """A flood of garbage and of oversized messages, on every key, by one who is allowed to connect.
 
 It goes through a router, which passes on what the longest message of the protocol may take. Seeded,
-bounded in count and time. The run goes on to the same digest, what was refused stands in
+bounded in count. The run goes on to the same digest, what was refused stands in
 its result and in its recording, and memory stays within a bound over that of a run left in peace.
 Nothing in the flood is a message that is to be believed; ``docs/security.md`` has the figures.
 """
@@ -13,14 +13,14 @@ import random
 import struct
 import subprocess
 import sys
-import time
 from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 
 import msgpack
 import pytest
-from helpers_security import ROBOTS, until
+from helpers_security import ROBOTS
+from helpers_waiting import LONGEST_S, until
 from test_codec import GOLDEN
 from zenoh import CongestionControl
 
@@ -50,9 +50,6 @@ SCENARIO = {
     },
 }
 SMALL, LARGE_EVERY, DELETE_EVERY, LOOK_EVERY = 20_000, 200, 100, 250
-FLOOD_S_MAX = 20.0
-ANSWER_S_MAX = 15.0
-"""So long that a machine busy with other things as well does not fail the run."""
 GROWTH_MIB_MAX = 64
 KEYS = (
     *(robot_key(RUN, r, c) for r in (*ROBOTS, "r9", "*") for c in (*ROBOT_CHANNELS, "junk", "*")),
@@ -77,10 +74,9 @@ class Hunt:
         scenario = folder / "scenario.json"
         scenario.write_text(json.dumps(SCENARIO))
         where = ("--connect", self.endpoint, "--run", RUN, *own)
-        recorded = ("--answer-timeout", ANSWER_S_MAX, "--out", self.out)
         commands = {
             "router": ("protocol.router", "--listen", self.endpoint, "--for-run", RUN, *own),
-            "world": ("world", scenario, "--json", *where, *recorded),
+            "world": ("world", scenario, "--json", *where, "--out", self.out),
             **{robot: ("agents", robot, *where) for robot in ROBOTS},
         }
         with self._said.open("wb") as said:
@@ -116,7 +112,7 @@ class Hunt:
         return all(process.poll() is not None for process in self._processes.values())
 
     def end(self):
-        until(self.look, "the hunt's end")
+        until(self.look, "the hunt's end", self.tick)
         assert {p.returncode for p in self._processes.values()} == {0}, self.reports()[-1]
         return self.reports()[-1]["result"]
 
@@ -173,7 +169,7 @@ def flood(hunt, identity=None):
     draws = random.Random(20)
     access = Access(connect=(hunt.endpoint,), identity=identity)
     link = ZenohLink(access, robot_key(RUN, "nobody", "*"))
-    begun, sent, keys = time.monotonic(), 0, Counter()
+    sent, keys = 0, Counter()
     try:
         for key in itertools.cycle(KEYS):
             link.session.put(key, small(draws), congestion_control=CongestionControl.BLOCK)
@@ -189,9 +185,9 @@ def flood(hunt, identity=None):
                 keys[key] += 1
             sent += 1
             over = sent % LOOK_EVERY == 0 and hunt.look()
-            if over or sent == SMALL or time.monotonic() - begun > FLOOD_S_MAX:
+            if over or sent == SMALL:
                 # To close before that would lose the end.
-                link.flush(world_key(RUN, "about"), ANSWER_S_MAX)
+                link.flush(world_key(RUN, "about"), LONGEST_S)
                 return keys
     finally:
         link.close()

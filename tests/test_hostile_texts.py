@@ -15,6 +15,7 @@ from pathlib import Path
 import msgpack
 import pytest
 from helpers_agents import BODIES, TEAM
+from helpers_waiting import LONGEST_S
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
@@ -49,7 +50,6 @@ PIECE = EVIL.replace("/", "")
 """As a part of a key."""
 RUN = "faulty"
 BRIEF = {"ticks_max": 3, "team": {"robots": 4}, "target": {"behaviour": "still"}}
-S_MAX = 15.0
 
 
 def assert_clean(text: str) -> None:
@@ -163,7 +163,7 @@ def test_the_doctor_and_alive_show_who_calls_itself_what_as_it_is(capsys):
             stack.callback(stranger.liveliness().declare_token(key).undeclare)
         for key in (world_key(RUN, "about"), robot_key(RUN, "*", "about")):
             stack.callback(answer(stranger, key, lambda: msgpack.packb(about)).undeclare)
-        where = ["--connect", endpoint, "--check-timeout", "3"]
+        where = ["--connect", endpoint, "--check-timeout", f"{LONGEST_S}"]
         doctor.main([*where, "--run", RUN])
         doctor.main(where)
         assert alive.main(["world", *where, "--run", RUN]) == 0

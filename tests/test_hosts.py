@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 from helpers_hosts import Hosts, Party, possible
+from helpers_waiting import ample_s
 
 import encircle
 from encircle.replaying import read_recording, replay
@@ -99,7 +100,7 @@ def long_hunt(tmp_path) -> str:
 
 @pytest.mark.parametrize("victim", ["r2", "world"])
 def test_a_host_that_was_cut_off_for_two_seconds_changes_nothing(hosts, long_hunt, victim):
-    _, world, robots = everything(hosts, long_hunt, "--answer-timeout", "20")
+    _, world, robots = everything(hosts, long_hunt)
     world.wait_for_tick(UNDER_WAY_TICK)
     with hosts.cut_off(victim):
         time.sleep(2.0)
@@ -109,12 +110,13 @@ def test_a_host_that_was_cut_off_for_two_seconds_changes_nothing(hosts, long_hun
 
 
 def test_a_run_can_be_told_to_end_when_a_host_stays_cut_off(hosts, long_hunt, tmp_path):
-    own = ("--out", str(tmp_path / "run"), "--when-lost", "end")
+    answer_s = f"{ample_s():g}"
+    own = ("--out", str(tmp_path / "run"), "--when-lost", "end", "--answer-timeout", answer_s)
     _, world, robots = everything(hosts, long_hunt, *own)
     world.wait_for_tick(UNDER_WAY_TICK)
     with hosts.cut_off("r2"):
         assert world.end() == 1
-        assert "no answer from r2 for 3 s" in world.said
+        assert f"no answer from r2 for {answer_s} s" in world.said
         assert [robots[k].end() for k in (0, 2, 3)] == [1, 1, 1]
         assert replay(tmp_path / "run").same
 
@@ -123,18 +125,20 @@ def test_a_run_goes_on_without_a_host_and_counts_it_in_again(hosts, tmp_path):
     """Cut off for longer than an answer may take: lost, then back when its cable is."""
     scenario = tmp_path / "endless.json"
     scenario.write_text(json.dumps(LONG | {"ticks_max": 1_000_000}))
-    own = ("--answer-timeout", "1", "--out", str(tmp_path / "run"))
+    answer_s = f"{ample_s():g}"
+    own = ("--answer-timeout", answer_s, "--out", str(tmp_path / "run"))
+    silent = f"lost: no answer for {answer_s} s"
     _, world, _ = everything(hosts, str(scenario), *own)
     world.wait_for_tick(UNDER_WAY_TICK)
     with hosts.cut_off("r2"):
-        world.wait_until(lambda world: "robot r2 is lost: no answer for 1 s" in world.said)
+        world.wait_until(lambda world: f"robot r2 is {silent}" in world.said)
         world.wait_for_tick(world.tick + UNDER_WAY_TICK)
     world.wait_until(lambda world: "robot r2 is back" in world.said)
     world.wait_for_tick(world.tick + UNDER_WAY_TICK)
     assert world.terminate() == 1  # it would go on for ever
     (lost, *_), (back, *_) = departures = world.result()["departures"]
     assert [part[1:] for part in departures] == [
-        ["r2", "lost: no answer for 1 s"],
+        ["r2", silent],
         ["r2", "back"],
     ]
     recording = read_recording(tmp_path / "run")
@@ -153,13 +157,17 @@ def test_a_run_goes_on_without_a_host_and_counts_it_in_again(hosts, tmp_path):
 
 def test_by_the_clock_a_host_that_is_cut_off_holds_nobody_up(hosts, tmp_path):
     """Cut off long after all buffers on the way to it are full; the others never wait for it."""
-    by_clock = {"clock": "wall", "radio": "direct", "tick_s": 0.02, "ticks_max": 1_000_000}
+    answer_s = 2.0 + 2.0 * ample_s()
+    by_clock = {"clock": "wall", "radio": "direct", "tick_s": answer_s / 200.0}
+    by_clock["ticks_max"] = 1_000_000
     scenario = tmp_path / "clocked.json"
     scenario.write_text(json.dumps(LONG | by_clock))
-    _, world, _ = everything(hosts, str(scenario), "--answer-timeout", "4")
+    _, world, _ = everything(hosts, str(scenario), "--answer-timeout", f"{answer_s}")
     world.wait_for_tick(UNDER_WAY_TICK)
     with hosts.cut_off("r2"):
-        world.wait_until(lambda world: "robot r2 is lost: no answer for 4 s" in world.said)
+        world.wait_until(
+            lambda world: f"robot r2 is lost: no answer for {answer_s:g} s" in world.said
+        )
     world.wait_until(lambda world: "robot r2 is back" in world.said)
     assert world.terminate() == 1  # it would go on for ever
     # If the router waited for room on the way to r2, nothing of the others would pass it, either.
@@ -181,7 +189,7 @@ def test_the_doctor_says_what_a_host_can_reach(hosts, long_hunt):
         return found
 
     assert ["wrong", f"{hub} cannot be reached: Connection refused"] in findings(1)["endpoints"]
-    _, world, robots = everything(hosts, long_hunt, "--answer-timeout", "20")
+    _, world, robots = everything(hosts, long_hunt)
     world.wait_for_tick(1)
     found = findings(0)
     assert found["run"] == [["ok", "run far: world, r1, r2, r3, r4"]]
@@ -194,7 +202,7 @@ def test_the_doctor_says_what_a_host_can_reach(hosts, long_hunt):
 
 
 def test_a_router_that_is_restarted_changes_nothing(hosts, long_hunt):
-    router, world, robots = everything(hosts, long_hunt, "--answer-timeout", "20")
+    router, world, robots = everything(hosts, long_hunt)
     world.wait_for_tick(UNDER_WAY_TICK)
     router.kill()
     time.sleep(1.0)
@@ -208,7 +216,8 @@ def test_a_router_that_is_restarted_changes_nothing(hosts, long_hunt):
 
 
 def test_a_router_that_does_not_come_back_ends_the_run(hosts, long_hunt, tmp_path):
-    router, world, robots = everything(hosts, long_hunt, "--out", str(tmp_path / "run"))
+    own = ("--out", str(tmp_path / "run"), "--answer-timeout", f"{ample_s()}")
+    router, world, robots = everything(hosts, long_hunt, *own)
     world.wait_for_tick(UNDER_WAY_TICK)
     router.kill()
     assert world.end() == 1

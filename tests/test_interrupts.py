@@ -8,7 +8,6 @@ import json
 import random
 import re
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -17,7 +16,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from helpers_interrupts import Group, ours, until
+from helpers_interrupts import Group, ours
+from helpers_waiting import completed, until
 
 import encircle
 from encircle.launch import free_endpoint
@@ -272,6 +272,5 @@ if sys.argv[1] == "at work":
 leave(3)
 """
     for how, expected in (("done", "the last wordtaken down\n"), ("at work", "the last word")):
-        command = [sys.executable, "-c", program, how]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+        done = completed([sys.executable, "-c", program, how])
         assert (done.returncode, done.stdout, done.stderr) == (3, expected, "")

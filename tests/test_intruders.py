@@ -10,7 +10,8 @@ from datetime import timedelta
 
 import pytest
 from helpers_hosts import Party
-from helpers_security import REFUSED_S_MAX, ROBOTS, WAIT_S_MAX, Lab, free_endpoint
+from helpers_security import REFUSED_S_MAX, ROBOTS, Lab, free_endpoint
+from helpers_waiting import LONGEST_S
 
 import encircle
 from protocol.access import Access, LinkError
@@ -78,7 +79,7 @@ def hunt(lab, started, scenario, endpoint, world_config):
     return world, robots
 
 
-def link(lab, who, endpoint, connect_s_max=WAIT_S_MAX):
+def link(lab, who, endpoint, connect_s_max=LONGEST_S):
     config = lab.connecting(who, endpoint)
     return ZenohLink(Access(config=config, connect_s_max=connect_s_max), "encircle/**")
 

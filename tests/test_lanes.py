@@ -5,9 +5,10 @@ import json
 from contextlib import ExitStack
 
 import pytest
+from helpers_waiting import LONGEST_S, result_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_zenoh_link import WAIT_S_MAX, connecting_to, in_thread, listening, received
+from test_zenoh_link import connecting_to, in_thread, listening, received
 
 from encircle.launch import free_endpoint
 from protocol.access import Access
@@ -66,7 +67,7 @@ def links():
         robot = ZenohLink(connecting_to(endpoint), robot_key("t", "r1", "*"))
         stack.callback(robot.close)
         robot.tell_about(robot_key("t", "r1", "about"), "r1")
-        while not gate.flush(robot_key("t", "r1", "about"), WAIT_S_MAX):
+        while not gate.flush(robot_key("t", "r1", "about"), LONGEST_S):
             pass
         yield gate, robot
 
@@ -94,7 +95,7 @@ def test_who_is_told_much_at_once_hears_all_of_it_in_order(links):
     gate, robot = links
     told = in_thread(tell, gate, observations())
     assert received(robot, TOO_MANY) == observations()
-    told.result(timeout=WAIT_S_MAX)
+    result_of(told)
 
 
 @given(st.lists(st.tuples(st.sampled_from("ab"), st.integers(0, 2 * LOT_BYTES_MAX))))

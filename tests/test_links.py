@@ -4,6 +4,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from helpers_waiting import result_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -74,7 +75,7 @@ def test_receive_waits_for_a_message():
     with ThreadPoolExecutor(1) as pool:
         waiting = pool.submit(taker.receive)
         sender.send("a", b"one")
-        assert waiting.result(timeout=10) == ("a", b"one")
+        assert result_of(waiting) == ("a", b"one")
 
 
 def test_closing_wakes_everyone_who_waits():
@@ -82,16 +83,16 @@ def test_closing_wakes_everyone_who_waits():
     started = threading.Barrier(3)
 
     def wait():
-        started.wait(10)
+        started.wait()
         return link.receive()
 
     with ThreadPoolExecutor(2) as pool:
         waiting = [pool.submit(wait) for _ in range(2)]
-        started.wait(10)
+        started.wait()
         link.close()
         for future in waiting:
             with pytest.raises(LinkClosed):
-                future.result(timeout=10)
+                result_of(future)
 
 
 def test_what_came_before_closing_can_still_be_read():

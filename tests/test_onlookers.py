@@ -5,17 +5,18 @@ that waited for room would wait for ten minutes. So a hunt that comes to its end
 it has in peace and with nobody lost, has waited for no onlooker.
 """
 
+import itertools
 import json
 import os
 import signal
 import sys
-import time
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from helpers_hosts import STEP_S, Party
+from helpers_hosts import Party
 from helpers_security import ROBOTS, Lab, free_endpoint
+from helpers_waiting import until
 
 import encircle
 from protocol.keys import robot_key, world_key
@@ -45,9 +46,6 @@ SMALL = {
         }
     }
 }
-ANSWER_S = "15"
-STUCK_S = 60.0
-"""How long nothing may happen at all. What makes a robot lost comes sooner."""
 PAUSE_S = 0.5
 EVERYTHING = ("hear:encircle/**", "watch:encircle/**", "answer:encircle/**")
 WITHOUT_CERTIFICATES = [
@@ -74,7 +72,7 @@ class Watched:
     """A hunt as processes, through a router or not, with certificates or not."""
 
     def __init__(self, folder, closing, through_router, certificates, overrides=()):
-        self._folder, self._closing = folder, closing
+        self._folder, self._closing, self._numbers = folder, closing, itertools.count()
         self._directory = certificates or ""
         self.endpoint = free_endpoint("tls" if certificates else "tcp")
         small = folder / "small.json5"
@@ -92,12 +90,12 @@ class Watched:
         changed = [word for override in overrides for word in ("--set", override)]
         self.world = self.start(
             *("-m", "world", scenario, *gate, *changed),
-            *("--run", RUN, "--answer-timeout", ANSWER_S, "--out", folder / "run"),
+            *("--run", RUN, "--out", folder / "run"),
         )
         self.parties.append(self.world)
 
     def start(self, *arguments):
-        log = self._folder / f"{time.monotonic_ns()}"
+        log = self._folder / f"{next(self._numbers)}"
         party = Party([sys.executable, *map(str, arguments)], log, {"OPENBLAS_NUM_THREADS": "1"})
         self._closing.callback(party.kill)
         return party
@@ -113,13 +111,11 @@ class Watched:
 
     def end(self):
         """Wait for all to end by themselves, as long as anything goes on; the world's result."""
-        seen, since_s = None, time.monotonic()
-        while any(party.running for party in self.parties):
-            now = (self.world.tick, [party.running for party in self.parties])
-            if now != seen:
-                seen, since_s = now, time.monotonic()
-            assert time.monotonic() - since_s < STUCK_S, f"stuck at tick {self.world.tick}"
-            time.sleep(STEP_S)
+        until(
+            lambda: not any(party.running for party in self.parties),
+            "the hunt's end",
+            lambda: (self.world.tick, [party.running for party in self.parties]),
+        )
         assert [party.end() for party in self.parties] == [0] * len(self.parties), self.world.said
         return self.world.result()
 

@@ -11,6 +11,7 @@ import helpers_plugins as plugins
 import numpy as np
 import pytest
 from helpers_agents import BODIES, observation
+from helpers_waiting import communicated
 
 import encircle
 from agents.choices import checked
@@ -27,7 +28,6 @@ from world.engine import build
 from world.scenario import ScenarioError, load
 from world.targets import behaviour_named
 
-S_MAX = 100.0
 SOURCE = """
 from math import nan
 from agents.strategies import Choice
@@ -199,7 +199,7 @@ def command(*words, scenario=None, folder=None):
 def test_the_command_ends_with_that_line_and_status_1(link, tmp_path):
     words = ("run", "failing.json", "--link", link, "--out", "out")
     process = command(*words, scenario=scenario("raises"), folder=tmp_path)
-    said, error = process.communicate(timeout=S_MAX)
+    said, error = communicated(process)
     assert process.returncode == 1
     assert said == ""
     last = error.splitlines()[-1]
@@ -222,7 +222,7 @@ def started_by_hand(name, folder):
     for robot in ("r1", "r2", "r3"):
         words = ("robot", robot, "--connect", endpoint, "--run", "hand")
         parties[robot] = command(*words, folder=folder)
-    said = {who: process.communicate(timeout=S_MAX)[1] for who, process in parties.items()}
+    said = {who: communicated(process)[1] for who, process in parties.items()}
     return {who: (process.returncode, said[who]) for who, process in parties.items()}
 
 
@@ -268,7 +268,7 @@ def test_a_strategy_that_cannot_be_loaded_ends_the_robot_with_status_2(tmp_path,
         )
         for who, said in words.items()
     }
-    said = {who: process.communicate(timeout=S_MAX)[1] for who, process in parties.items()}
+    said = {who: communicated(process)[1] for who, process in parties.items()}
     assert parties["world"].returncode == 1
     assert "has failed at tick 0, and says itself how" in said["world"]
     failed = [who for who in ("r1", "r2", "r3") if "half:chase of half 1.0 cannot be" in said[who]]
@@ -303,7 +303,7 @@ def test_what_cannot_be_loaded_is_status_2_before_anything_starts(command_name, 
         "world": ("world", "sim1", "--run", "x", "--listen", free_endpoint(), "--out", "out"),
     }[command_name]
     process = command(*words, "--set", "target.behaviour=no_attribute", folder=tmp_path)
-    said, error = process.communicate(timeout=S_MAX)
+    said, error = communicated(process)
     assert (process.returncode, said) == (2, "")
     assert "target.behaviour = 'no_attribute': failing:nothing of strangers 1.0 cannot be" in error
     assert "Traceback" not in error
@@ -316,7 +316,7 @@ def test_replay_tells_of_a_strategy_that_fails(tmp_path, installed):
     with pytest.raises(PluginFailed, match=r"'raises' .* failed in robot r1 at tick 0"):
         replay(tmp_path / "run")
     process = command("replay", "run", "--check", folder=tmp_path)
-    said, error = process.communicate(timeout=S_MAX)
+    said, error = communicated(process)
     assert (process.returncode, said) == (1, "")
     check_line(error.strip(), "raises").unlink()
 
@@ -343,7 +343,7 @@ def test_a_recording_of_a_plug_in_that_is_missing_here_says_so(tmp_path, monkeyp
         encircle.run(scenario("tires"), link="memory", out=tmp_path / "run")
     monkeypatch.delenv("PYTHONPATH")
     process = command("replay", "run", folder=tmp_path)
-    _, error = process.communicate(timeout=S_MAX)
+    _, error = communicated(process)
     assert process.returncode == 2
     assert "cannot be understood here" in error
     assert "target.behaviour = 'tires': unknown behaviour" in error

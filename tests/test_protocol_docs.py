@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_hosts import Party
-from helpers_security import until
+from helpers_hosts import Party, wait_for_robots
+from helpers_waiting import communicated, ended, until
 
 import encircle
 from agents.strategies import BUILT_IN, View
@@ -38,7 +38,6 @@ DOCS = Path(__file__).parents[1] / "docs"
 PAGE, SECURITY = (
     (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("protocol", "security")
 )
-END_S_MAX = 60.0
 HEX_COLUMNS = 47
 
 
@@ -141,14 +140,12 @@ def test_the_whole_robot_of_the_page_takes_part_in_a_hunt(tmp_path):
         )
         for k in (1, 2, 3)
     ]
-    robots.append(
-        subprocess.Popen(
-            [sys.executable, str(script), "r4", "demo", endpoint], stdout=subprocess.DEVNULL
-        )
-    )
     try:
-        out, _ = world.communicate(timeout=END_S_MAX)
-        statuses = [robot.wait(timeout=END_S_MAX) for robot in robots]
+        wait_for_robots(endpoint, "demo", 3)
+        guest = [sys.executable, str(script), "r4", "demo", endpoint]
+        robots.append(subprocess.Popen(guest, stdout=subprocess.DEVNULL))
+        out, _ = communicated(world)
+        statuses = [ended(robot) for robot in robots]
     finally:
         for process in (world, *robots):
             process.kill()

@@ -6,10 +6,11 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from typing import Any
 
+import pytest
 from helpers_agents import BODIES
+from helpers_waiting import ample_s, communicated, ended, joined, taken, until
 
 import encircle
 from agents.core import RobotCore
@@ -27,9 +28,14 @@ from protocol.real_time import PASSED_OVER, STOPPED
 
 RUN = "clocked"
 
-AT_50_HZ = ("clock=wall", "tick_s=0.02")
-LONG = (*AT_50_HZ, "radio=direct", "ticks_max=1500")
 FROZEN_TICKS = 30
+
+pytestmark = pytest.mark.realtime
+
+
+def by_clock() -> tuple[str, ...]:
+    """Ticks that are long enough, at this moment, for robots to answer in time: 20 ms or more."""
+    return "clock=wall", "radio=direct", f"tick_s={ample_s() / 50.0}"
 
 
 def summary(path) -> dict[str, Any]:
@@ -37,7 +43,8 @@ def summary(path) -> dict[str, Any]:
 
 
 def test_robots_that_hear_each_other_catch_the_target_and_the_replay_is_the_same(tmp_path):
-    hunt = encircle.run("sim1", overrides=LONG, out=tmp_path / "run")
+    overrides = (*by_clock(), "ticks_max=1500")
+    hunt = encircle.run("sim1", overrides=overrides, out=tmp_path / "run")
     assert hunt.captured
     told = hunt.timing["real_time"]
     assert told["ticks"] == hunt.result.ticks
@@ -82,9 +89,7 @@ def test_a_frozen_robot_is_held_then_stands_still_and_goes_on(tmp_path):
         },
         "capture": {"stop_distance_m": 1.0},
     }
-    hunt = encircle.run(
-        endless, overrides=[*AT_50_HZ, "radio=direct"], out=tmp_path / "run", progress=look
-    )
+    hunt = encircle.run(endless, overrides=by_clock(), out=tmp_path / "run", progress=look)
     assert hunt.result.ended == "ticks"
     assert hunt.result.departures == ()
     counts = hunt.timing["real_time"]["robots"]["r2"]
@@ -107,14 +112,17 @@ def test_a_frozen_robot_is_held_then_stands_still_and_goes_on(tmp_path):
 
 def test_a_tick_may_be_longer_than_the_world_would_wait_for_an_answer(tmp_path):
     scenario = tmp_path / "slow.json"
-    slow = {"ticks_max": 2, "team": {"robots": 2}, "clock": "wall", "tick_s": 1.2}
+    tick_s = 0.2 + ample_s()
+    slow = {"ticks_max": 2, "team": {"robots": 2}, "clock": "wall", "tick_s": tick_s}
     scenario.write_text(json.dumps(slow))
     endpoint = free_endpoint()
     where = ("--run", "slow")
     world = [sys.executable, "-m", "world", str(scenario), "--listen", endpoint, *where]
     parties = [
         subprocess.Popen(
-            [*world, "--json", "--answer-timeout", "0.3"], stdout=subprocess.PIPE, text=True
+            [*world, "--json", "--answer-timeout", f"{tick_s / 4.0}"],
+            stdout=subprocess.PIPE,
+            text=True,
         ),
         *(
             subprocess.Popen([sys.executable, "-m", "agents", r, "--connect", endpoint, *where])
@@ -122,8 +130,8 @@ def test_a_tick_may_be_longer_than_the_world_would_wait_for_an_answer(tmp_path):
         ),
     ]
     try:
-        said = [json.loads(line) for line in parties[0].communicate(timeout=60)[0].splitlines()]
-        assert [party.wait(timeout=10) for party in parties] == [0, 0, 0]
+        said = [json.loads(line) for line in communicated(parties[0])[0].splitlines()]
+        assert [ended(party) for party in parties] == [0, 0, 0]
     finally:
         for party in parties:
             party.kill()
@@ -158,29 +166,29 @@ class Robot:
 
 def test_a_robot_that_hears_its_peers_but_not_the_world_stands_still():
     robot, modes = Robot(), []
-    gives_up_s = time.monotonic() + 20.0
-    while STOPPED not in modes and time.monotonic() < gives_up_s:
+
+    def stopped():
         # Far more often than the silence after which it is to stop, 10 ms.
         robot.world.send(robot_key(RUN, "r2", "pose"), b"whatever")
         while not robot.world.inbox.empty():
             key, payload = robot.world.receive()
             if key.endswith("/command"):
                 modes.append(decode(Command, payload, RUN).mode)
-        time.sleep(0.001)
+        return STOPPED in modes
+
+    until(stopped, "the robot to stand still")
     robot.end()
-    robot.thread.join(20.0)
+    joined(robot.thread)
     assert modes.count(STOPPED) == 1
     assert modes[-1] == STOPPED
-    assert not robot.thread.is_alive()
 
 
 def test_the_end_is_heard_even_where_there_is_no_room(monkeypatch):
     monkeypatch.setattr(mailbox, "MAIL_MAX", 0)
     robot = Robot()
     robot.end()
-    robot.thread.join(20.0)
+    joined(robot.thread)
     assert robot.core.ended == "captured"
-    assert not robot.thread.is_alive()
 
 
 def test_garbage_before_the_first_observation_does_not_hide_that_the_world_goes_by_the_clock():
@@ -197,9 +205,9 @@ def test_garbage_before_the_first_observation_does_not_hide_that_the_world_goes_
     for channel, payloads in told.items():
         for payload in payloads:
             world.send(robot_key(RUN, "r1", channel), payload)
-    said = dict(world.inbox.get(timeout=20.0) for _ in range(2))
+    said = dict(taken(world.inbox) for _ in range(2))
     world.send(robot_key(RUN, "r1", "end"), encode(End("r1", 9, "captured"), RUN))
-    thread.join(20.0)
+    joined(thread)
     command = decode(Command, said[robot_key(RUN, "r1", "command")], RUN)
     assert command.timing is not None
     assert command.refused == {"malformed": 1}

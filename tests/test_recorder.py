@@ -1,12 +1,12 @@
 """Recordings as others read them: with mcap's own reader, whole or cut off at any byte."""
 
 import json
-import subprocess
 import sys
 from itertools import pairwise
 
 import msgpack
 import pytest
+from helpers_waiting import completed
 from helpers_world import RUN, arena, played, small
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
@@ -261,9 +261,7 @@ print("\\n".join(said))
 
 def test_a_disk_that_is_full_stops_the_recording_at_its_last_whole_chunk(tmp_path):
     path = tmp_path / "recording.mcap"
-    done = subprocess.run(
-        [sys.executable, "-c", FILL, str(path)], capture_output=True, text=True, check=True
-    )
+    done = completed([sys.executable, "-c", FILL, str(path)])
     # Once when it happens, and once more at the end.
     assert done.stdout.splitlines() == [f"cannot record to {path}: File too large"] * 2
     ticks = []

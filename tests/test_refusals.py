@@ -3,11 +3,10 @@
 That it still writes them so is for ``test_security`` to say, with real sessions.
 """
 
-import os
-import subprocess
 import sys
 
 import pytest
+from helpers_waiting import completed
 
 from protocol.refusals import KNOWN_MAX, Refusals
 
@@ -112,13 +111,6 @@ with counted() as found:
     os.write(1, {(line(direct("Put")) * 3).encode()!r} + b"\\xff\\n")
 print(found)
 """
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        timeout=20,
-        check=True,
-        env=os.environ,
-    )
+    done = completed([sys.executable, "-c", script])
     assert done.stdout.splitlines() == ["before", "during", "3 times put by r2"]
     assert done.stderr == ""

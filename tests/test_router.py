@@ -10,6 +10,7 @@ import time
 from contextlib import ExitStack
 
 import pytest
+from helpers_waiting import LONGEST_S, ample_s, completed, ended, taken, until
 
 from encircle.launch import free_endpoint
 from protocol.access import Access
@@ -17,7 +18,6 @@ from protocol.keys import robot_key, world_key
 from protocol.router import END_S_MAX, Tokens
 from protocol.zenoh_link import ROUTER_S_MAX, ZenohLink
 
-WAIT_S_MAX = 20.0
 WORLD, R1, R2 = (
     world_key("t", "alive"),
     robot_key("t", "r1", "alive"),
@@ -46,7 +46,7 @@ class Router:
         return self.wait()
 
     def wait(self) -> int:
-        return self.process.wait(timeout=WAIT_S_MAX)
+        return ended(self.process)
 
     def close(self) -> None:
         self.process.kill()
@@ -69,7 +69,7 @@ def router(closing):
 
 
 def linked(router, closing, takes):
-    link = ZenohLink(Access(connect=(router.endpoint,), connect_s_max=WAIT_S_MAX), takes)
+    link = ZenohLink(Access(connect=(router.endpoint,), connect_s_max=LONGEST_S), takes)
     closing.callback(link.close)
     return link
 
@@ -81,7 +81,7 @@ def watched(link, expression):
 
 
 def changes(seen, count):
-    return sorted(seen.get(timeout=WAIT_S_MAX) for _ in range(count))
+    return sorted(taken(seen) for _ in range(count))
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -90,8 +90,9 @@ def test_it_ends_cleanly_when_asked_to(router, number):
     assert router.process.stderr.read() == f"router: stopped by {number.name}\n"
 
 
-def test_a_restarted_router_is_not_noticed_by_who_watches(router, closing):
+def test_a_restarted_router_is_not_noticed_by_who_watches(router, closing, monkeypatch):
     """Tokens that come back are not told of; that others come later shows that all was seen."""
+    monkeypatch.setattr("protocol.zenoh_link.ROUTER_S_MAX", LONGEST_S)
     world = linked(router, closing, robot_key("t", "*", "*"))
     robot = linked(router, closing, robot_key("t", "r1", "*"))
     by_world, by_robot = watched(world, robot_key("t", "*", "alive")), watched(robot, WORLD)
@@ -110,11 +111,12 @@ def test_a_restarted_router_is_not_noticed_by_who_watches(router, closing):
     key = robot_key("t", "r1", "setup")
     heard = threading.Thread(target=robot.receive, daemon=True)
     heard.start()
-    deadline = time.monotonic() + WAIT_S_MAX
-    while heard.is_alive() and time.monotonic() < deadline:
+
+    def said():
         world.send(key, b"hello")
-        time.sleep(0.02)
-    assert not heard.is_alive()
+        return not heard.is_alive()
+
+    until(said, "a message to come through")
 
 
 def test_who_leaves_a_router_that_stays_is_told_of(router, closing):
@@ -128,7 +130,8 @@ def test_who_leaves_a_router_that_stays_is_told_of(router, closing):
 
 
 def test_who_does_not_come_back_after_a_restart_is_told_of(router, closing, monkeypatch):
-    monkeypatch.setattr("protocol.zenoh_link.ROUTER_S_MAX", 1.5)
+    # Zenoh tries for a connection once in a second or two; the router has to start before that.
+    monkeypatch.setattr("protocol.zenoh_link.ROUTER_S_MAX", 2.0 + 2.0 * ample_s())
     world = linked(router, closing, robot_key("t", "*", "*"))
     robots = [linked(router, closing, robot_key("t", robot, "*")) for robot in ("r1", "r2")]
     seen = watched(world, robot_key("t", "*", "alive"))
@@ -192,13 +195,7 @@ def test_when_a_run_is_over():
 
 
 def refused(*arguments):
-    done = subprocess.run(
-        [sys.executable, "-m", "protocol.router", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=WAIT_S_MAX,
-        check=False,
-    )
+    done = completed([sys.executable, "-m", "protocol.router", *arguments])
     return done.returncode, done.stderr.splitlines()[-1]
 
 
@@ -228,7 +225,7 @@ def test_a_router_needs_no_more_than_a_configuration_file(tmp_path, closing):
     closing.callback(process.kill)
     ends = []
     for name in ("a", "b"):
-        access = Access(connect=(endpoint,), connect_s_max=WAIT_S_MAX)
+        access = Access(connect=(endpoint,), connect_s_max=LONGEST_S)
         ends.append(ZenohLink(access, f"t/{name}"))
         closing.callback(ends[-1].close)
     seen = watched(ends[0], "t/alive")

@@ -7,14 +7,14 @@ import itertools
 import json
 import shutil
 import stat
-import subprocess
 import sys
 from contextlib import ExitStack
 from datetime import timedelta
 
 import pytest
 from helpers_hosts import Party
-from helpers_security import ROBOTS, WAIT_S_MAX, Lab, free_endpoint
+from helpers_security import ROBOTS, Lab, free_endpoint
+from helpers_waiting import LONGEST_S, ample_s, completed
 
 import encircle
 from encircle.launch import free_endpoint as free_tcp_endpoint
@@ -54,14 +54,8 @@ def only(lab, folder, name):
 
 def failed(*arguments, status=2, **settings):
     """The last line of a command that does not even start."""
-    done = subprocess.run(
-        [sys.executable, "-m", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=WAIT_S_MAX,
-        check=False,
-        env={f"ENCIRCLE_{name.upper()}": str(value) for name, value in settings.items()},
-    )
+    environment = {f"ENCIRCLE_{name.upper()}": str(value) for name, value in settings.items()}
+    done = completed([sys.executable, "-m", *arguments], env=environment)
     assert done.returncode == status, done.stderr
     return done.stderr.splitlines()[-1]
 
@@ -78,10 +72,11 @@ def test_a_hunt_through_a_router_is_the_one_in_memory(lab, started, tmp_path):
     router.wait_for_listening()
     assert "without authentication" not in router.said
     where = {"connect": gate, "run": RUN}
-    alive = ("protocol.alive", "router", "--check-timeout", "0.3")
-    assert started(*alive, connect=gate, certificates=tmp_path / "of-router").end() == 0
+    alive = ("protocol.alive", "router", "--check-timeout")
+    known = started(*alive, f"{LONGEST_S}", connect=gate, certificates=tmp_path / "of-router")
+    assert known.end() == 0
     # Zenoh does not say why; that it is no certificate is the gate's to count.
-    assert started(*alive, connect=gate).end() == 1
+    assert started(*alive, "0.3", connect=gate).end() == 1
     parties = [started("world", "sim1", **where, certificates=only(lab, tmp_path, "world"))]
     parties += [
         started("agents", robot, **where, certificates=only(lab, tmp_path, robot))
@@ -96,6 +91,7 @@ def test_a_hunt_through_a_router_is_the_one_in_memory(lab, started, tmp_path):
     assert " connections: " in last
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("direct", [True, False])
 def test_robots_hear_each_other_where_the_router_lets_them(lab, started, tmp_path, direct):
     gate = free_endpoint("tls")
@@ -103,7 +99,7 @@ def test_robots_hear_each_other_where_the_router_lets_them(lab, started, tmp_pat
     flag = ("--direct-radio",) if direct else ()
     started("protocol.router", *flag, listen=gate, **settings).wait_for_listening()
     settings |= {"connect": gate, "run": RUN}
-    by_clock = "clock=wall;tick_s=0.02;radio=direct;ticks_max=150"
+    by_clock = f"clock=wall;tick_s={ample_s() / 50.0};radio=direct;ticks_max=150"
     parties = [started("world", "sim1", out=tmp_path / "run", set=by_clock, **settings)]
     parties += [started("agents", robot, **settings) for robot in ROBOTS]
     assert [party.end() for party in parties] == [0] * 5, parties[0].said
@@ -149,13 +145,7 @@ def test_what_is_wrong_with_certificates_is_said_at_the_start(lab, tmp_path, par
 
 
 def certificates(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "encircle", "certificates", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=WAIT_S_MAX,
-        check=False,
-    )
+    return completed([sys.executable, "-m", "encircle", "certificates", *arguments])
 
 
 def test_certificates_are_made_once(tmp_path):

@@ -19,6 +19,8 @@ import msgpack
 import pytest
 import zenoh
 from helpers_agents import BODIES
+from helpers_hosts import wait_for_robots
+from helpers_waiting import communicated, completed, ended
 
 from agents.core import RobotCore
 from encircle.launch import free_endpoint
@@ -34,7 +36,6 @@ PROGRAM = Path(__file__).parent / "stranger" / "robot.py"
 OURS = ("agents", "encircle", "protocol", "world")
 ALLOWED = ("msgpack", "zenoh")
 TEAM = ("r1", "r2", "r3", "r4")
-END_S_MAX = 60.0
 RUN = "guests"
 
 
@@ -69,15 +70,8 @@ def test_it_imports_nothing_but_zenoh_msgpack_and_the_standard_library():
 @pytest.mark.parametrize("name", [*OURS, "numpy", "scipy", "pydantic"])
 def test_nothing_else_can_be_imported_where_it_runs(packages, tmp_path, name):
     command, environment = alone(packages)
-    done = subprocess.run(
-        [*command, "-c", f"import msgpack, zenoh\nimport {name}"],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=END_S_MAX,
-        check=False,
-    )
+    script = f"import msgpack, zenoh\nimport {name}"
+    done = completed([*command, "-c", script], cwd=tmp_path, env=environment)
     assert f"ModuleNotFoundError: No module named '{name}'" in done.stderr
 
 
@@ -107,11 +101,12 @@ def joined(packages, tmp_path) -> Iterator:
                 start([*ours, "agents", robot, "--connect", endpoint, "--run", RUN])
                 for robot in TEAM[:3]
             ]
+            wait_for_robots(endpoint, RUN, 3)
             command, environment = alone(packages)
             guest = [*command, str(PROGRAM), "r4", RUN, endpoint]
             robots.append(start(guest, cwd=tmp_path, env=environment, stdout=subprocess.PIPE))
-            said, errors = world.communicate(timeout=END_S_MAX)
-            assert [robot.wait(timeout=END_S_MAX) for robot in robots] == [0] * 4, errors
+            said, errors = communicated(world)
+            assert [ended(robot) for robot in robots] == [0] * 4, errors
             reports = map(json.loads, said.splitlines())
             return next(report["result"] for report in reports if "result" in report), out
 

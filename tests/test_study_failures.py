@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
@@ -11,12 +10,12 @@ from pathlib import Path
 import helpers_plugins as plugins
 import numpy as np
 import pytest
+from helpers_waiting import completed
 
 import encircle
 from encircle.studies.report import write_report
 from encircle.studies.summary import summarise
 
-S_MAX = 200.0
 SOURCE = '''
 import os
 from agents.strategies import Choice
@@ -166,22 +165,8 @@ def started(tmp_path, *words, **study):
     sets = "".join(f'"{key}" = {json.dumps(value)}\n' for key, value in study["set"].items())
     assert text
     path.write_text(f"{axes}[set]\n{sets}")
-    return subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "encircle",
-            "study",
-            str(path),
-            "--out",
-            str(tmp_path / "t"),
-            *words,
-        ],
-        capture_output=True,
-        text=True,
-        timeout=S_MAX,
-        check=False,
-    )
+    command = [sys.executable, "-m", "encircle", "study", str(path), "--out", str(tmp_path / "t")]
+    return completed([*command, *words])
 
 
 def test_the_command_says_how_many_failed_and_ends_with_status_1(tmp_path):

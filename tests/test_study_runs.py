@@ -5,17 +5,17 @@ import os
 import signal
 import subprocess
 import sys
-import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helpers_waiting import LONGEST_S, PATIENCE, ample_s, communicated, ended, until
 
 import encircle
 from encircle.launch import free_endpoint
 from encircle.studies import workers
 from encircle.studies.workers import StudyFailed
 
-WAIT_S_MAX = 40.0
 LONG_TICKS = 60
 
 
@@ -84,16 +84,8 @@ def started(path, out, *options):
 
 
 def finished(process):
-    out, err = process.communicate(timeout=WAIT_S_MAX)
+    out, err = communicated(process)
     return process.returncode, out, err
-
-
-def until(condition):
-    deadline = time.monotonic() + WAIT_S_MAX
-    while not (found := condition()):
-        assert time.monotonic() < deadline, "waited too long"
-        time.sleep(0.02)
-    return found
 
 
 def children(pid):
@@ -168,12 +160,12 @@ def test_nothing_is_written_before_it_runs(tmp_path):
 def test_killed_with_sigkill_it_goes_on_where_it_was(written, unbroken):
     path, out = written
     process = started(path, out, "--workers", "2")
-    until(lambda: parts(out))
+    until(lambda: parts(out), "the first runs")
     workers_of_it = children(process.pid)
     process.kill()
     finished(process)
     assert workers_of_it
-    until(lambda: gone(workers_of_it))
+    until(lambda: gone(workers_of_it), "the workers' end")
     assert not (out / "table.parquet").exists()
     check_whole(path, out, unbroken)
 
@@ -181,23 +173,28 @@ def test_killed_with_sigkill_it_goes_on_where_it_was(written, unbroken):
 def test_ctrl_c_ends_it_with_a_line_and_keeps_what_is_done(written, unbroken):
     path, out = written
     process = started(path, out, "--workers", "1")
-    until(lambda: parts(out))
+    until(lambda: parts(out), "the first runs")
     workers_of_it = children(process.pid)
+    # So that the study does not come to its end first, however late this process has its turn.
+    for worker in workers_of_it:
+        os.kill(worker, signal.SIGSTOP)
     process.send_signal(signal.SIGINT)
+    for worker in workers_of_it:
+        os.kill(worker, signal.SIGCONT)
     status, said, error = finished(process)
     assert status == 1
     assert said == ""
     assert "the study stopped: stopped by SIGINT" in error
     assert "the same command goes on from here" in error.replace("\n", " ")
     assert "Traceback" not in error
-    until(lambda: gone(workers_of_it))
+    until(lambda: gone(workers_of_it), "the workers' end")
     check_whole(path, out, unbroken)
 
 
 def test_a_worker_that_dies_ends_it_with_a_line(written, unbroken):
     path, out = written
     process = started(path, out, "--workers", "2")
-    until(lambda: parts(out))
+    until(lambda: parts(out), "the first runs")
     ours = [
         pid
         for pid in children(process.pid)
@@ -256,9 +253,11 @@ def test_a_frozen_robot_ends_it_with_a_line(tmp_path):
     from world.engine import build
 
     plan = encircle.study(tree(ticks=2000)).plan
-    with Session(("r1", "r2", "r3", "r4")) as session:
+    answer_s = ample_s()
+    patience = replace(PATIENCE, answer_s_max=answer_s)
+    with Session(("r1", "r2", "r3", "r4"), patience) as session:
         session._processes["r2"].send_signal(signal.SIGSTOP)
-        with pytest.raises(StudyFailed, match="no answer from r2"):
+        with pytest.raises(StudyFailed, match=f"no answer from r2 for {answer_s:g} s|r2 is gone"):
             session.hunt(build(plan.scenario_of(3), 1))
         processes = list(session._processes.values())
     assert all(p.poll() is not None for p in processes)
@@ -313,11 +312,13 @@ class Cluster:
     def end(self):
         for process in self.processes:
             process.kill()
-            process.wait(10)
+            process.wait()
 
 
 @pytest.fixture
-def cluster(tmp_path):
+def cluster(tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "CONNECT_S_MAX", LONGEST_S)
+    monkeypatch.setattr(workers, "WORKERLESS_S_MAX", LONGEST_S)
     found = Cluster(tmp_path / "dask")
     yield found
     found.end()
@@ -335,7 +336,7 @@ def test_a_cluster_gives_the_same_table_though_a_worker_is_killed(
             first.kill()
 
     study.run(cluster=cluster.address, progress=kill_one)
-    assert first.wait(10) == -signal.SIGKILL
+    assert ended(first) == -signal.SIGKILL
     assert rows(study).equals(unbroken)
 
 

@@ -8,8 +8,9 @@ import signal
 from types import SimpleNamespace
 
 import pytest
-from helpers_interrupts import Group, ours, until
+from helpers_interrupts import Group, ours
 from helpers_terminal import COLUMNS, screen, seen
+from helpers_waiting import until
 from rich.console import Console
 
 from agents import telling as robots

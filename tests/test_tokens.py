@@ -14,8 +14,9 @@ from functools import partial
 import pytest
 import zenoh
 from helpers_agents import BODIES
-from helpers_hosts import Party
-from helpers_security import Lab, free_endpoint, until
+from helpers_hosts import Party, wait_for_robots
+from helpers_security import Lab, free_endpoint
+from helpers_waiting import LONGEST_S, taken, until
 from test_faults import ROBOTS, hunt  # noqa: F401  # a fixture
 from test_protocol_docs import program
 from test_stranger import PROGRAM as STRANGER
@@ -46,7 +47,6 @@ WILD = (
     f"encircle/{RUN}/robots/*/alive",
     f"encircle/{RUN}/robots/r$*/alive",
 )
-S_MAX = 15.0
 
 
 class Net:
@@ -67,7 +67,7 @@ class Net:
         mode = "router" if name == "router" else "peer" if listens else "client"
         identity = self._lab.identity(name) if self._lab else None
         ends = {"listen" if listens else "connect": (self._endpoint,)}
-        access = Access(**ends, mode=mode, identity=identity, connect_s_max=S_MAX)
+        access = Access(**ends, mode=mode, identity=identity, connect_s_max=LONGEST_S)
         return self._closing.enter_context(open_session(access))
 
 
@@ -90,18 +90,22 @@ def watched(session, expression):
     return seen, subscribe_alive(session, expression, lambda *change: seen.put(change))
 
 
+def opened(endpoint) -> zenoh.Session:
+    return open_session(Access(connect=(endpoint,), connect_s_max=LONGEST_S))
+
+
 @WAYS
 def test_of_all_tokens_that_match_only_the_partys_own_is_told_of(way, closing, monkeypatch):
-    monkeypatch.setattr(one_of_a_name, "LOOK_S_MAX", S_MAX)  # however slow this machine is
+    monkeypatch.setattr(one_of_a_name, "LOOK_S_MAX", LONGEST_S)  # however slow this machine is
     net = Net(way, closing, None)
     stranger = net.stranger()
     early = [stranger.liveliness().declare_token(key) for key in WILD]
     until(lambda: is_there(net.world, "**") and is_there(net.robot, "**"), "the first token")
     seen = [watched(net.robot, WORLD), watched(net.world, robot_key(RUN, "*", "alive"))]
     for session, key in ((net.robot, WORLD), (net.world, R1)):
-        assert not is_alive(session, key, S_MAX)
+        assert not is_alive(session, key, LONGEST_S)
         check_free(session, key, "party", s_max=0.0)
-    assert alive_keys(net.world, robot_key(RUN, "*", "alive"), S_MAX) == set()
+    assert alive_keys(net.world, robot_key(RUN, "*", "alive"), LONGEST_S) == set()
 
     def go_through(withdrawn) -> None:
         """A robot and a world come and go, and are told of in between."""
@@ -110,18 +114,18 @@ def test_of_all_tokens_that_match_only_the_partys_own_is_told_of(way, closing, m
             net.robot.liveliness().declare_token(R1),
         ]
         for (told, _), key in zip(seen, (WORLD, R1), strict=True):
-            assert told.get(timeout=S_MAX) == (key, True)
+            assert taken(told) == (key, True)
         for token in withdrawn:
             token.undeclare()
         # Zenoh may overlook a token in the moment after it was declared, and tell of it twice.
-        until(lambda: alive_keys(stranger, f"encircle/{RUN}/**", S_MAX) == {WORLD, R1}, "both")
+        until(lambda: alive_keys(stranger, f"encircle/{RUN}/**", LONGEST_S) == {WORLD, R1}, "both")
         for session, key in ((net.robot, WORLD), (net.world, R1)):
-            until(partial(is_alive, session, key, S_MAX), key)
+            until(partial(is_alive, session, key, LONGEST_S), key)
             until(partial(is_taken, session, key), "the name to be taken")
         for token in tokens:
             token.undeclare()
         for (told, _), key in zip(seen, (WORLD, R1), strict=True):
-            while (change := told.get(timeout=S_MAX)) == (key, True):
+            while (change := taken(told)) == (key, True):
                 pass
             assert change == (key, False)
 
@@ -140,7 +144,7 @@ def is_taken(session, key) -> bool:
 
 def is_there(session, key):
     """Whether a token is, as Zenoh says it."""
-    replies = session.liveliness().get(key, timeout=S_MAX)
+    replies = session.liveliness().get(key, timeout=LONGEST_S)
     return any(str(reply.ok.key_expr) == key for reply in replies if reply.ok is not None)
 
 
@@ -157,7 +161,7 @@ def test_with_certificates_only_a_robots_own_expression_comes_through_and_is_not
     ]
     own = "encircle/*/robots/r2/alive"
     until(lambda: is_there(net.world, own), "the token that may be")
-    replies = list(net.world.liveliness().get(robot_key(RUN, "*", "alive"), timeout=S_MAX))
+    replies = list(net.world.liveliness().get(robot_key(RUN, "*", "alive"), timeout=LONGEST_S))
     assert {str(reply.ok.key_expr) for reply in replies if reply.ok is not None} <= {own}
     for token in tokens:
         token.undeclare()
@@ -166,19 +170,19 @@ def test_with_certificates_only_a_robots_own_expression_comes_through_and_is_not
         net.robot.liveliness().declare_token(R1),
     )
     for (told, _), key in zip(seen, (WORLD, R1), strict=True):
-        assert told.get(timeout=S_MAX) == (key, True)
+        assert taken(told) == (key, True)
 
 
 @pytest.mark.parametrize("how", ["--listen", "--connect"])
 def test_a_hunt_goes_on_as_if_the_tokens_of_strangers_were_not_there(hunt, how, closing):  # noqa: F811
     if how == "--connect":
         hunt.start_router()
-        stranger = closing.enter_context(open_session(Access(connect=(hunt.endpoint,))))
+        stranger = closing.enter_context(opened(hunt.endpoint))
         kept = [stranger.liveliness().declare_token(key) for key in WILD]
-        hunt.start_world(how, answer_s="20")
+        hunt.start_world(how)
     else:
-        hunt.start_world(how, answer_s="20")
-        stranger = closing.enter_context(open_session(Access(connect=(hunt.endpoint,))))
+        hunt.start_world(how)
+        stranger = closing.enter_context(opened(hunt.endpoint))
         kept = [stranger.liveliness().declare_token(key) for key in WILD]
     for robot in ROBOTS:
         hunt.start_robot(robot)
@@ -187,7 +191,7 @@ def test_a_hunt_goes_on_as_if_the_tokens_of_strangers_were_not_there(hunt, how, 
         for token in round_of:
             token.undeclare()
         # What everybody answers cannot have overtaken what was withdrawn before.
-        assert len(list(stranger.get(f"encircle/{RUN}/**", timeout=S_MAX))) == 5
+        assert len(list(stranger.get(f"encircle/{RUN}/**", timeout=LONGEST_S))) == 5
         hunt.wait_for_ticks()
     assert hunt.departures == []
     assert not any("gone" in party.said for party in hunt.robots.values())
@@ -216,18 +220,19 @@ def test_a_router_for_one_run_is_not_ended_by_tokens_that_are_none():
 def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path):  # noqa: F811
     page = tmp_path / "page.py"
     page.write_text(program("A whole robot"))
-    hunt.start_world(answer_s="20")
-    stranger = closing.enter_context(open_session(Access(connect=(hunt.endpoint,))))
+    hunt.start_world()
+    stranger = closing.enter_context(opened(hunt.endpoint))
     kept = [stranger.liveliness().declare_token(key) for key in WILD]
     for robot in ROBOTS[:2]:
         hunt.start_robot(robot)
+    wait_for_robots(hunt.endpoint, RUN, 2)
     for robot, script in (("r3", STRANGER), ("r4", page)):
         command = [sys.executable, str(script), robot, RUN, hunt.endpoint]
         hunt.parties.append(Party(command, tmp_path / robot, {}))
     hunt.wait_for_ticks()
     for token in kept:
         token.undeclare()
-    assert len(list(stranger.get(f"encircle/{RUN}/**", timeout=S_MAX))) == 3
+    assert len(list(stranger.get(f"encircle/{RUN}/**", timeout=LONGEST_S))) == 3
     hunt.wait_for_ticks()
     assert hunt.departures == []
     hunt.world.kill()
@@ -241,7 +246,9 @@ class World:
         monkeypatch.setattr(shell, "DOUBT_S", 0.02)
         self.said: list[str] = []
         self.life = _Life("r1", RUN, self.said.append, stays=False)
-        self.supervisor = _Supervisor(self.life, self.said.append, "the world", (S_MAX, S_MAX))
+        self.supervisor = _Supervisor(
+            self.life, self.said.append, "the world", (LONGEST_S, LONGEST_S)
+        )
         self.tick = 0
         setup = Setup("r1", ("r1", "r2"), 0.1, "xi-star", BODIES)
         assert self.life.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN)) == []
@@ -281,7 +288,7 @@ def test_what_anybody_may_send_does_not_keep_a_robot_waiting_for_a_world_for_eve
         world.supervisor._join_s_max = 0.02
         world.supervisor.await_word()
         world.ask(b"garbage")
-        async with asyncio.timeout(S_MAX):
+        async with asyncio.timeout(LONGEST_S):
             return await world.supervisor.trouble
 
     assert "did not take this robot in" in asyncio.run(live())

@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 import pytest
+from helpers_waiting import LONGEST_S, result_of, taken, until
 
 from protocol.access import MESSAGE_BYTES_MAX, Access, AccessError, Identity
 from protocol.codec import BYTES_MAX
@@ -17,9 +18,6 @@ from protocol.errors import LinkClosed
 from protocol.security import settings
 from protocol.zenoh_config import configuration, warning
 from protocol.zenoh_link import LinkError, ZenohLink
-
-WAIT_S_MAX = 15.0
-RETRY_S = 0.02
 
 
 @pytest.fixture
@@ -54,7 +52,7 @@ def listening(endpoint):
     return Access(listen=(endpoint,))
 
 
-def connecting_to(endpoint, s_max=WAIT_S_MAX):
+def connecting_to(endpoint, s_max=LONGEST_S):
     return Access(connect=(endpoint,), connect_s_max=s_max)
 
 
@@ -73,18 +71,19 @@ def in_thread(function, *arguments):
 
 
 def received(link, count=1):
-    return [in_thread(link.receive).result(timeout=WAIT_S_MAX) for _ in range(count)]
+    return [result_of(in_thread(link.receive)) for _ in range(count)]
 
 
 def until_heard(sender, receiver):
     """Send until something arrives, then until all that was sent before has."""
     heard = in_thread(receiver.receive)
-    for _ in range(int(WAIT_S_MAX / RETRY_S)):
+
+    def said():
         sender.send("t/hello", b"hello")
-        if heard.done():
-            break
-        time.sleep(RETRY_S)
-    assert heard.result(timeout=WAIT_S_MAX) == ("t/hello", b"hello")
+        return heard.done()
+
+    until(said, "hello to arrive")
+    assert result_of(heard) == ("t/hello", b"hello")
     sender.send("t/synced", b"")
     while received(receiver) != [("t/synced", b"")]:
         pass
@@ -119,12 +118,13 @@ def test_overhearing_takes_what_others_send_on_such_keys_until_it_is_ended(pair)
     heard: queue.Queue[tuple[str, bytes]] = queue.Queue()
     end = robot.overhear("t/peers/*/pose", lambda key, payload: heard.put((key, payload)))
     robot.send("t/peers/1/pose", b"own")
-    deadline = time.monotonic() + WAIT_S_MAX
-    # A subscription takes a moment to be known on the other side.
-    while heard.empty() and time.monotonic() < deadline:
+
+    def said():
         world.send("t/peers/2/pose", b"theirs")
-        time.sleep(0.01)
-    assert heard.get(timeout=WAIT_S_MAX) == ("t/peers/2/pose", b"theirs")
+        return not heard.empty()
+
+    until(said, "the subscription to be known on the other side")
+    assert taken(heard) == ("t/peers/2/pose", b"theirs")
     end()
     end()
 
@@ -139,7 +139,7 @@ def test_who_never_waits_drops_what_finds_no_room_but_for_what_is_sent_once(pair
     found = []
     while not found or found[-1][0] != "t/end":
         found += received(receiver)
-    ended.result(timeout=WAIT_S_MAX)
+    result_of(ended)
     # Nobody took them in time, yet the sender went on; those that came are in order.
     came = [int(payload.rstrip(bytes(1))) for _, payload in found[:-1]]
     assert 0 < len(came) < len(flood)
@@ -151,9 +151,9 @@ def test_a_token_is_seen_to_come_and_go(pair):
     seen = queue.Queue()
     listener.watch("t/*/alive", lambda key, alive: seen.put((key, alive)))
     connected.announce("t/r1/alive")
-    assert seen.get(timeout=WAIT_S_MAX) == ("t/r1/alive", True)
+    assert taken(seen) == ("t/r1/alive", True)
     connected.close()
-    assert seen.get(timeout=WAIT_S_MAX) == ("t/r1/alive", False)
+    assert taken(seen) == ("t/r1/alive", False)
 
 
 def test_a_token_that_was_there_before_the_watch_is_told_of(pair):
@@ -163,16 +163,16 @@ def test_a_token_that_was_there_before_the_watch_is_told_of(pair):
     received(listener)
     seen = queue.Queue()
     connected.watch("t/world/alive", lambda key, alive: seen.put((key, alive)))
-    assert seen.get(timeout=WAIT_S_MAX) == ("t/world/alive", True)
+    assert taken(seen) == ("t/world/alive", True)
 
 
 def test_closing_wakes_who_waits(pair):
     for link in pair:
         waiting = in_thread(link.receive)
         time.sleep(0.1)  # let it get to where it waits
-        in_thread(link.close).result(timeout=WAIT_S_MAX)
+        result_of(in_thread(link.close))
         with pytest.raises(LinkClosed):
-            waiting.result(timeout=WAIT_S_MAX)
+            result_of(waiting)
 
 
 def test_what_was_sent_and_flushed_arrives_though_the_link_is_closed(pair):
@@ -182,26 +182,30 @@ def test_what_was_sent_and_flushed_arrives_though_the_link_is_closed(pair):
     taken = in_thread(received, listener, 100)
     for payload in payloads:
         connected.send("t/1", payload)
-    connected.flush("t/*/about", WAIT_S_MAX)
+    connected.flush("t/*/about", LONGEST_S)
     connected.close()
-    assert taken.result(timeout=WAIT_S_MAX) == [("t/1", payload) for payload in payloads]
+    assert result_of(taken) == [("t/1", payload) for payload in payloads]
 
 
 def test_a_link_whose_inbox_is_full_and_that_is_sent_still_more_closes(pair):
     receiver, sender = pair
-    sent, enough = [], threading.Event()
+    sent, seen, enough = [], [], threading.Event()
 
     def send_on():
         while not enough.is_set():
             sender.send("t/junk", bytes(1000))
-            sent.append(time.monotonic())
+            sent.append(1)
 
     sending = in_thread(send_on)
-    while not sent or time.monotonic() - sent[-1] < 0.5:
-        time.sleep(RETRY_S)  # until there is no room
-    in_thread(receiver.close).result(timeout=WAIT_S_MAX)
+
+    def no_room():
+        seen.append(len(sent))
+        return seen[-1] > 0 and seen[-25:] == [seen[-1]] * 25
+
+    until(no_room, "the inbox to be full")
+    result_of(in_thread(receiver.close))
     enough.set()
-    sending.result(timeout=WAIT_S_MAX)
+    result_of(sending)
 
 
 def test_a_link_may_be_closed_twice_and_stays_closed(pair):
@@ -221,11 +225,11 @@ def test_a_link_whose_other_end_is_gone_waits_on(pair):
     listener, connected = pair
     waiting = in_thread(connected.receive)
     listener.close()
-    with pytest.raises(TimeoutError):
-        waiting.result(timeout=0.3)
+    time.sleep(0.3)
+    assert not waiting.done()
     connected.close()
     with pytest.raises(LinkClosed):
-        waiting.result(timeout=WAIT_S_MAX)
+        result_of(waiting)
 
 
 def test_connecting_where_nobody_listens_fails_and_names_the_endpoint(endpoint):
@@ -267,7 +271,7 @@ def test_connecting_waits_for_a_listener_that_comes_a_little_later(endpoint, clo
     connecting = in_thread(ZenohLink, connecting_to(endpoint), "t/**")
     listener = ZenohLink(listening(endpoint), "t/**")
     closing.callback(listener.close)
-    connected = connecting.result(timeout=WAIT_S_MAX)
+    connected = result_of(connecting)
     closing.callback(connected.close)
     until_heard(connected, listener)
 
@@ -277,22 +281,23 @@ def test_peers_that_know_each_other_form_a_mesh_whichever_comes_first(closing):
     opening = []
     for k, own in enumerate(endpoints):
         others = tuple(endpoint for endpoint in endpoints if endpoint != own)
-        access = Access((own,), others, connect_s_max=WAIT_S_MAX)
+        access = Access((own,), others, connect_s_max=LONGEST_S)
         opening.append(in_thread(ZenohLink, access, f"t/{k}/*"))
-    links = [future.result(timeout=WAIT_S_MAX) for future in opening]
+    links = [result_of(future) for future in opening]
     for link in links:
         closing.callback(link.close)
     heard = [set() for _ in links]
     waiting = [
         in_thread(hear_from_two, link, keys) for link, keys in zip(links, heard, strict=True)
     ]
-    for _ in range(int(WAIT_S_MAX / RETRY_S)):
+
+    def said():
         for k, link in enumerate(links):
             for j in range(len(links)):
                 link.send(f"t/{j}/{k}", b"")
-        if all(future.done() for future in waiting):
-            break
-        time.sleep(RETRY_S)
+        return all(future.done() for future in waiting)
+
+    until(said, "all to hear of all")
     assert heard == [{"t/0/1", "t/0/2"}, {"t/1/0", "t/1/2"}, {"t/2/0", "t/2/1"}]
 
 

@@ -41,8 +41,8 @@ WATCH_PERIOD_S = 0.1
 EARLY_PERIOD_S, EARLY_MAX = 0.02, 4096
 WATCHED_S_MAX = 0.5
 """How much of the time between two looks counts as waiting, for this world may have been frozen."""
-ABOUT_S_MAX = 0.5
-TOLD_S_MAX = 1.0
+TOLD_S_MAX = 10.0
+"""So long Zenoh keeps a connection of which nothing comes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,9 +171,14 @@ class Server:
             send(self.link, self.core.fail(self._trouble.result()))
 
     async def _until_told(self) -> None:
-        """See to it that the robots learn of the end before the link is closed."""
+        """See to it that the robots learn of the end before the link is closed.
+
+        One that is frozen never will; whoever waits for this world has the same patience, and is
+        not to lose it first.
+        """
         about = robot_key(self.core.run, "*", "about")
-        await asyncio.to_thread(self.link.flush, about, TOLD_S_MAX)
+        s_max = min(self.terms.answer_s_max / 2.0, TOLD_S_MAX)
+        await asyncio.to_thread(self.link.flush, about, s_max)
 
     async def _hunt(self) -> None:
         # What was imported stays for good: collecting garbage need not look at it again and again.
@@ -283,7 +288,8 @@ class Server:
 
     def _explain(self, robot: str) -> None:
         """Say so if a robot that does not answer speaks another version."""
-        about = self.link.ask_about(robot_key(self.core.run, robot, "about"), ABOUT_S_MAX)
+        key = robot_key(self.core.run, robot, "about")
+        about = self.link.ask_about(key, self.terms.answer_s_max)
         if about is not None and about.wire != VERSION:
             say_error(
                 f"world: robot {robot} speaks version {about.wire} of the wire, this is {VERSION}:"

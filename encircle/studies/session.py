@@ -19,7 +19,8 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from encircle.launch import ONE_THREAD, STOP_S_MAX, free_endpoint
+from encircle import launch
+from encircle.launch import ONE_THREAD, STOP_S_MAX, Patience, free_endpoint
 from encircle.runlog import RunLog
 from encircle.studies.plan import Plan
 from encircle.studies.sources import versions
@@ -37,7 +38,7 @@ from protocol.zenoh_link import LinkError, ZenohLink
 from world.core import WorldCore
 from world.engine import Arena, build
 from world.scenario import Scenario, ScenarioError, load
-from world.server import ANSWER_S_MAX, ASK_AGAIN_S, JOIN_S_MAX, run_rounds
+from world.server import ASK_AGAIN_S, run_rounds
 from world.telling import send
 
 WATCH_PERIOD_S = 0.1
@@ -91,7 +92,8 @@ class RunEnded(Exception):
 class Session:
     """Robot processes that wait for runs. Use as a context, which ends them."""
 
-    def __init__(self, robots: Sequence[str]) -> None:
+    def __init__(self, robots: Sequence[str], patience: Patience | None = None) -> None:
+        self._patience = patience or launch.PATIENCE
         self._robots = tuple(robots)
         self._run = f"study-{secrets.token_hex(6)}"
         self._endpoint = free_endpoint()
@@ -117,7 +119,8 @@ class Session:
     def _start(self) -> None:
         self._link.watch(robot_key(self._run, "*", "alive"), self._alive_changed)
         self._link.announce(world_key(self._run, "alive"))
-        options = ("--run", self._run, "--stay", "--quiet")
+        s_max = self._patience.join_s_max
+        options = ("--run", self._run, "--stay", "--quiet", "--join-timeout", f"{s_max}")
         for robot in self._robots:
             self._processes[robot] = subprocess.Popen(
                 [sys.executable, "-m", "agents", robot, "--connect", self._endpoint, *options],
@@ -126,13 +129,15 @@ class Session:
                 env=without_settings(os.environ) | ONE_THREAD,
                 start_new_session=True,
             )
-        deadline_s = time.monotonic() + JOIN_S_MAX
+        deadline_s = time.monotonic() + s_max
         while not self._everyone.wait(WATCH_PERIOD_S):
             check()
-            if time.monotonic() < deadline_s:
-                continue
-            absent = ", ".join(sorted(set(self._robots) - self._alive))
-            raise StudyFailed(f"{absent} did not join within {JOIN_S_MAX:g} s")
+            ended = [robot for robot, p in self._processes.items() if p.poll() is not None]
+            if ended:
+                raise StudyFailed(f"robot {ended[0]} ended before the first run")
+            if time.monotonic() >= deadline_s:
+                absent = ", ".join(sorted(set(self._robots) - self._alive))
+                raise StudyFailed(f"{absent} did not join within {s_max:g} s")
         threading.Thread(target=self._watch, daemon=True).start()
 
     def __exit__(self, *_error: object) -> None:
@@ -190,14 +195,15 @@ class Session:
         What it has not answered is asked again first: it may have found no room.
         """
         core, tick, since_s, again_s = None, -1, time.monotonic(), ASK_AGAIN_S
+        s_max = self._patience.answer_s_max
         while not self._closed.wait(WATCH_PERIOD_S):
             now = self._core
             if now is not core or now is None or now.state.tick != tick:
                 core, since_s, again_s = now, time.monotonic(), ASK_AGAIN_S
                 tick = now.state.tick if now is not None else -1
-            elif time.monotonic() - since_s > ANSWER_S_MAX:
+            elif time.monotonic() - since_s > s_max:
                 names = ", ".join(now.table.waiting())
-                self._trouble = f"no answer from {names} for {ANSWER_S_MAX:g} s at tick {tick}"
+                self._trouble = f"no answer from {names} for {s_max:g} s at tick {tick}"
             elif time.monotonic() - since_s > again_s:
                 again_s += ASK_AGAIN_S
                 with contextlib.suppress(LinkClosed):

@@ -3,16 +3,13 @@
 import json
 import os
 import re
-import subprocess
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from helpers_engine import COMMAND_S_MAX, Daemon, output
+from helpers_engine import Daemon, output
+from helpers_waiting import completed, until
 
 HERE = Path(__file__).parents[2]
-END_S_MAX = 120.0
-STEP_S = 0.2
 
 
 class Project:
@@ -45,14 +42,8 @@ class Project:
 
     def up(self, *options: str) -> None:
         """``docker compose up`` as a user gives it: it comes back when all have ended."""
-        said = subprocess.run(
-            [*self._compose, "up", "--no-build", "--no-color", *options],
-            env=os.environ | self._env,
-            capture_output=True,
-            text=True,
-            timeout=COMMAND_S_MAX,
-            check=False,
-        )
+        command = [*self._compose, "up", "--no-build", "--no-color", *options]
+        said = completed(command, env=os.environ | self._env)
         assert said.returncode == 0, said.stdout[-8000:] + said.stderr[-8000:]
 
     def start(self) -> None:
@@ -95,7 +86,8 @@ class Project:
         self.wait_until(lambda: part in self.logs(service))
 
     def wait_until(self, happened: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + END_S_MAX
-        while not happened():
-            assert time.monotonic() < deadline, self.compose("ps") + self.compose("logs")
-            time.sleep(STEP_S)
+        try:
+            until(happened, "the containers to go on", self.tick)
+        except AssertionError as error:
+            said = self.compose("ps") + self.compose("logs")
+            raise AssertionError(f"{error}\n{said}") from None

@@ -13,9 +13,10 @@ import platform
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+
+from helpers_waiting import completed, ended, until
 
 PACKAGES = {
     "dockerd": "docker.io",
@@ -35,28 +36,15 @@ PIP_SETTINGS = ("index-url", "extra-index-url", "trusted-host", "proxy", "timeou
 POLICY = Path("/usr/sbin/policy-rc.d")
 ADDRESS = "172.31.255.1"
 """Of the machine, as containers see it."""
-STEP_S = 0.1
-START_S_MAX = 30.0
-STOP_S_MAX = 30.0
-COMMAND_S_MAX = 400.0
 
 
 def output(
     *command: str,
     env: Mapping[str, str] | None = None,
-    s_max: float = COMMAND_S_MAX,
     cwd: Path | None = None,
 ) -> str:
     """What a command says on standard output; ``AssertionError`` with all it said if it fails."""
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=s_max,
-        check=False,
-        env=os.environ | (env or {}),
-        cwd=cwd,
-    )
+    done = completed(command, env=os.environ | (env or {}), cwd=cwd)
     said = f"{' '.join(command[:4])} ... ended with {done.returncode}:\n{done.stdout}{done.stderr}"
     assert done.returncode == 0, said[-8000:]
     return done.stdout
@@ -138,18 +126,20 @@ class Daemon:
     def __enter__(self) -> "Daemon":
         with open(self._log, "wb") as log:
             self._process = subprocess.Popen(self._command, stdout=log, stderr=log)
-        deadline = time.monotonic() + START_S_MAX
-        while not self._answers():
-            if self._process.poll() is not None or time.monotonic() > deadline:
-                self.__exit__()
-                raise AssertionError(f"dockerd did not start:\n{self._log.read_text()[-4000:]}")
-            time.sleep(STEP_S)
+        try:
+            until(self._answers, "dockerd to start", lambda: self._log.stat().st_size)
+        except AssertionError:
+            self.__exit__()
+            raise AssertionError(
+                f"dockerd did not start:\n{self._log.read_text()[-4000:]}"
+            ) from None
         return self
 
     def _answers(self) -> bool:
+        assert self._process.poll() is None
         try:
-            output("docker", "version", env=self.env, s_max=START_S_MAX)
-        except (AssertionError, subprocess.TimeoutExpired):
+            output("docker", "version", env=self.env)
+        except AssertionError:
             return False
         return True
 
@@ -159,10 +149,10 @@ class Daemon:
     def __exit__(self, *_: object) -> None:
         self._process.terminate()
         try:
-            self._process.wait(STOP_S_MAX)
-        except subprocess.TimeoutExpired:
+            ended(self._process)
+        finally:
             self._process.kill()
-            self._process.wait(STOP_S_MAX)
+            self._process.wait()
 
 
 def building(root: Path) -> Daemon:
@@ -224,7 +214,6 @@ def make_base_image(root: Path, daemon: Daemon) -> None:
             stdin=tar.stdout,
             stdout=subprocess.DEVNULL,
             env=os.environ | daemon.env,
-            timeout=COMMAND_S_MAX,
             check=True,
         )
     shutil.rmtree(system)

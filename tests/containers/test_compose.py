@@ -28,7 +28,7 @@ from protocol.messages import Command
 
 pytestmark = [
     pytest.mark.skipif("ENCIRCLE_CONTAINERS" not in os.environ, reason="run by make containers"),
-    pytest.mark.timeout(900),
+    pytest.mark.timeout(3600),
 ]
 ONE = ("docker-compose.yml",)
 SCALED = (*ONE, "docker-compose.scale.yml")
