@@ -4,6 +4,7 @@ import pytest
 from helpers_real_time import EPOCH_US, RUN, by_clock
 from helpers_world import command, pose
 
+from agents.core import RobotCore
 from protocol.codec import decode, encode
 from protocol.keys import parse_key, robot_key
 from protocol.messages import Observation, Setup
@@ -247,3 +248,18 @@ def test_a_robot_that_is_back_is_told_of_no_answer_from_before():
     assert answered[1, "r2"] == 0
     assert (answered[5, "r1"], answered[5, "r2"]) == (4, None)
     assert answered[6, "r2"] == 5
+
+
+def test_what_a_robot_is_asked_anew_a_robot_takes_that_has_just_begun():
+    core = world()
+    for tick in range(3):
+        for robot in core.arena.ids:
+            commanded(core, robot, tick)
+        told = ended_tick(core)
+    assert told["r2"].answered == 2
+    (setup_key, setup), (key, asked) = core.asked_anew("r2")
+    assert decode(Setup, setup, RUN).first_tick == decode(Observation, asked, RUN).tick == 3
+    robot = RobotCore("r2", RUN)
+    robot.receive(setup_key, setup)
+    assert robot.receive(key, asked), "it answers"
+    assert not robot.refused

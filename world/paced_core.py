@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, cast
 
-from protocol.codec import decode_pose
+from protocol.codec import decode, decode_pose
 from protocol.errors import OutOfTurn
 from protocol.keys import robot_key
 from protocol.lockstep import Move, Phase
@@ -164,6 +164,15 @@ class PacedCore(WorldCore):
     def _next_round(self) -> Outgoing:
         # The clock says when, not that everyone has answered.
         return []
+
+    def asked_anew(self, robot: str) -> Outgoing:
+        """As there; of a robot that begins anew nothing has come yet."""
+        setup, *asked = super().asked_anew(robot)
+        observations = [decode(Observation, payload, self.run) for _, payload in asked]
+        return [
+            setup,
+            *(self._encode(robot, "observation", replace(o, answered=None)) for o in observations),
+        ]
 
     def _messages(self, observations: list[Observation]) -> Outgoing:
         if self.ended is not None:
