@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers_channel import ALPHA, tables
+from helpers_waiting import PATIENCE
 from helpers_world import small
 from scipy import stats
 
@@ -147,7 +148,8 @@ def test_a_run_tells_the_delay_that_measures_find_in_its_log(stages):
 
 def test_a_run_shows_the_delay_that_came_of_it_beside_the_one_asked_for(tmp_path, capsys):
     changes = ["channel.delay.mean_s=0.05", "ticks_max=5"]
-    wishes = [Wish("sim1", changes, tmp_path / name, None, "memory", GO_ON) for name in "ab"]
+    how = (None, "memory", GO_ON, PATIENCE)
+    wishes = [Wish("sim1", changes, tmp_path / name, *how) for name in "ab"]
     hunt_and_draw(wishes[0], as_json=False)
     shown = " ".join(capsys.readouterr().out.split())
     assert "packets' delay │ 0.1 s on average; asked for: 0.05 s (constant)" in shown
