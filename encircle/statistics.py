@@ -45,7 +45,8 @@ class Interval(NamedTuple):
 
     def signed(self, scale: float = 1.0) -> str:
         """``-2.1 [-8.3, +4.1]``, or the value alone if it has no bounds."""
-        value, low, high = (scale * bound for bound in self)
+        # A mean of differences that cancel each other is 0 but for rounding.
+        value, low, high = (0.0 if abs(bound) < ROUNDING else scale * bound for bound in self)
         return f"{value:+.3g}" if np.isnan(low) else f"{value:+.3g} [{low:+.3g}, {high:+.3g}]"
 
 

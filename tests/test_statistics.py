@@ -360,3 +360,9 @@ def test_tolerance_covers(rates, rate, truth, least, most):
 def test_bad_input_is_named(call, named):
     with pytest.raises(ValueError, match=named):
         call()
+
+
+def test_what_is_zero_but_for_rounding_is_shown_as_zero():
+    noise = float(np.mean([0.1, 0.2, -0.3]))
+    assert noise != 0.0
+    assert Interval(noise, -0.03, 0.03).signed(100.0) == "+0 [-3, +3]"
