@@ -33,7 +33,7 @@ class _Kept:
     """What has come. ``name``: of a signal that is kept; ``ending``: whether one has ever come.
 
     ``before``, ``after``: what a process that ends at once says more; ``to_parent``: Ctrl-C is not
-    for this process; ``at_work``: some thread is still inside a library as the process ends.
+    for this process; ``at_work``: a library has threads of its own.
     """
 
     name = ""
@@ -75,7 +75,7 @@ def leave(status: int) -> NoReturn:
     for number in NUMBERS:
         signal.signal(number, signal.SIG_IGN)
     if _Kept.at_work:
-        # A thread that comes back from Rust while Python is taken down aborts the process.
+        # A thread that comes back from there while Python is taken down brings the process down.
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError, AttributeError):
                 stream.flush()
@@ -84,7 +84,7 @@ def leave(status: int) -> NoReturn:
 
 
 def leave_threads_at_work() -> None:
-    """A thread is still inside a library and cannot be waited for: ``leave`` is not to touch it."""
+    """A library has threads of its own, which call Python: ``leave`` is not to take that down."""
     _Kept.at_work = True
 
 

@@ -207,7 +207,7 @@ class ZenohLink:
                 emptying = threading.Thread(target=self._empty, name="emptying", daemon=True)
                 emptying.start()
                 _close(self._session)
-                _wait_for(emptying)
+                emptying.join(CLOSE_S_MAX)
 
     def _empty(self) -> None:
         with contextlib.suppress(LinkClosed):
@@ -367,6 +367,7 @@ def has_neighbours(session: zenoh.Session) -> bool:
 def open_session(access: Access) -> zenoh.Session:
     """A session that has bound and connected as asked; ``LinkError`` says where it could not."""
     zenoh.init_log_from_env_or("off")
+    leave_threads_at_work()
     config = configuration(access)
     try:
         return zenoh.open(config)
@@ -399,13 +400,7 @@ def _close(session: zenoh.Session) -> None:
 
     thread = threading.Thread(target=close, name="closing", daemon=True)
     thread.start()
-    _wait_for(thread)
-
-
-def _wait_for(thread: threading.Thread) -> None:
     thread.join(CLOSE_S_MAX)
-    if thread.is_alive():
-        leave_threads_at_work()
 
 
 def _is_known(endpoint: str) -> bool:
