@@ -14,6 +14,7 @@ RUN python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))
  && pip install --no-cache-dir --no-compile --constraint requirements.txt --requirement wanted.txt setuptools \
  && find /opt/encircle -type d -name tests -prune -exec rm -rf {} +
 COPY README.md LICENSE ./
+# encircle/ holds links to the three beside it.
 COPY protocol protocol
 COPY agents agents
 COPY world world
@@ -21,7 +22,8 @@ COPY encircle encircle
 RUN pip install --no-cache-dir --no-compile --no-build-isolation --no-deps . \
  && pip uninstall --yes setuptools pip \
  && env --unset=PYTHONDONTWRITEBYTECODE --chdir=/ python -c \
-    "import agents.robot, world.server, protocol.alive, protocol.router, encircle.cli, encircle.replaying"
+    "import encircle.agents.process.robot, encircle.world.process.server, encircle.cli.main, \
+     encircle.protocol.programs.alive, encircle.protocol.programs.router, encircle.replay.replaying"
 
 FROM python:3.11-slim
 COPY --from=build /opt/encircle /opt/encircle

@@ -36,7 +36,7 @@ test: setup
 	$(VENV)/bin/python -m pytest -n 0 -m 'realtime and not nightly and not hosts'
 
 test-loaded: setup
-	PYTEST_TIMEOUT=$(HANG_S) $(VENV)/bin/python tests/under_load.py $(MAKE) test
+	PYTEST_TIMEOUT=$(HANG_S) $(VENV)/bin/python tests/helpers/under_load.py $(MAKE) test
 
 nightly: setup
 	PYTEST_TIMEOUT=$(HANG_S) $(VENV)/bin/python -m pytest -m 'nightly or hosts'
@@ -47,7 +47,7 @@ hosts: setup
 	$(VENV)/bin/python -m pytest -m hosts
 
 containers: setup
-	ENCIRCLE_CONTAINERS=yes $(VENV)/bin/python -m pytest tests/containers -n 0 -rP --durations=0
+	ENCIRCLE_CONTAINERS=yes $(VENV)/bin/python -m pytest tests/system/containers -n 0 -rP --durations=0
 
 check: setup
 	$(VENV)/bin/ruff format --check .

@@ -1,8 +1,8 @@
-"""``python -m agents ID --connect ENDPOINT --run RUN``: one robot, as a process."""
+"""``python -m encircle.agents ID --connect ENDPOINT --run RUN``: one robot, as a process."""
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from protocol.interrupts import end_at_once
+    from encircle.protocol.programs.interrupts import end_at_once
 
     end_at_once("robot")
 
@@ -10,14 +10,14 @@ import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 
-from agents.lean_start import postponed
-from protocol.access import AccessError
-from protocol.interrupts import leave
-from protocol.log import say_error
-from protocol.options import Options, access, name_of, seconds
+from encircle.agents.process.deferred_imports import postponed
+from encircle.protocol.programs.interrupts import leave
+from encircle.protocol.programs.log import say_error
+from encircle.protocol.programs.options import Options, access, name_of, seconds
+from encircle.protocol.zenoh.endpoints import AccessError
 
 
-def main(arguments: Sequence[str] | None = None, program: str = "python -m agents") -> int:
+def main(arguments: Sequence[str] | None = None, program: str = "python -m encircle.agents") -> int:
     """Parse the command line and run the robot; returns the exit status."""
     options = Options(program, "Run one robot.")
     options.add(
@@ -53,8 +53,8 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m agent
     found = options.parse(arguments)
     # Imported late: a mistyped command need not wait for scipy.
     with postponed("scipy.stats", "scipy.ndimage"):
-        from agents.robot import JOIN_S_MAX, WORLD_S_MAX, Habits, run_robot
-    from protocol.zenoh_config import warning
+        from encircle.agents.process.robot import JOIN_S_MAX, WORLD_S_MAX, Habits, run_robot
+    from encircle.protocol.zenoh.configuration import warning
 
     join_s_max = found.join_timeout or JOIN_S_MAX
     try:

@@ -13,9 +13,9 @@ import time
 
 import zenoh
 
-from encircle.launch import free_endpoint
-from protocol.access import Access
-from protocol.zenoh_link import ZenohLink
+from encircle.protocol.zenoh.connection import ZenohLink
+from encircle.protocol.zenoh.endpoints import Access
+from encircle.runner.launch import free_endpoint
 
 WARM_UP = 50
 

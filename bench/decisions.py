@@ -10,13 +10,13 @@ from scenarios import endless_hunt
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from agents import brain
-from agents.assignment import algorithm_1, whole_microns
-from agents.ring import encirclement_points
-from agents.spline import extrapolate
-from encircle.memory import run_in_memory
-from world import engine
-from world.scenario import load
+from encircle.agents.brain import brain
+from encircle.agents.estimation.spline import extrapolate
+from encircle.agents.planning.assignment import algorithm_1, whole_microns
+from encircle.agents.planning.ring import encirclement_points
+from encircle.runner.memory import run_in_memory
+from encircle.world.arena import engine
+from encircle.world.scenario.scenario import load
 
 TICKS = 80
 SETTLED_TICK = 40

@@ -1,9 +1,9 @@
 """Intervals that were tried for mean times up to a limit, and how often each covers.
 
 ``PYTHONPATH=tests python bench/intervals.py`` prints, for each of the shapes that
-``tests/test_decisions.py`` holds the chosen ones against, how often the interval covers what is
-true, and how wide it is in ticks. Of two cells that are alike the difference is 0: what does not
-cover it, decides.
+``tests/encircle/statistics/test_decisions.py`` holds the chosen ones against, how often the
+interval covers what is true, and how wide it is in ticks. Of two cells that are alike the
+difference is 0: what does not cover it, decides.
 """
 
 from collections.abc import Callable
@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.table import Table
 from scipy import stats
 
-from encircle.comparisons import bounded_mean, rate_difference
-from encircle.statistics import Floats, Interval, mean, restricted_mean_ticks
+from encircle.statistics.comparisons import bounded_mean, rate_difference
+from encircle.statistics.intervals import Floats, Interval, mean, restricted_mean_ticks
 
 STUDIES = 2000
 STUDIES_BOOTSTRAP = 400

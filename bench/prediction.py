@@ -18,13 +18,13 @@ from rich.console import Console
 from rich.table import Table
 from scenarios import ordinary_hunt
 
-from agents import kalman
-from agents.spline import extrapolate
-from encircle.memory import run_in_memory
-from protocol.parameters import Parameters
-from world import engine
-from world.core import WorldCore
-from world.scenario import load
+from encircle.agents.estimation import kalman
+from encircle.agents.estimation.spline import extrapolate
+from encircle.protocol.parameters import Parameters
+from encircle.runner.memory import run_in_memory
+from encircle.world.arena import engine
+from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.scenario.scenario import load
 
 HUNTS = 40
 XI = tuple(float(xi) for xi in range(7))

@@ -15,10 +15,10 @@ from typing import Any
 
 from scenarios import endless_hunt
 
-from encircle.hunts import run
-from encircle.progress import Progress
-from protocol.mailbox import Mailbox
-from world.pacing import Punctuality, next_slot
+from encircle.cli.progress import Progress
+from encircle.protocol.mailbox import Mailbox
+from encircle.runner.hunts import run
+from encircle.world.coordinator.deadlines import Punctuality, next_slot
 
 ROBOTS = 4
 RATES_HZ = (50, 100)

@@ -11,11 +11,11 @@ from typing import Any
 
 from scenarios import endless_hunt
 
-from agents.core import RobotCore
-from encircle.hunts import run
-from world import engine
-from world.core import WorldCore
-from world.scenario import load
+from encircle.agents.brain.robot_core import RobotCore
+from encircle.runner.hunts import run
+from encircle.world.arena import engine
+from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.scenario.scenario import load
 
 TICKS_PER_S = 100  # of the kernel's accounting, in /proc
 NAME = "bench"

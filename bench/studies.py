@@ -11,13 +11,13 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from encircle.measures import measure
-from encircle.memory import run_in_memory
-from encircle.progress import Progress, Tell, no_progress
-from encircle.runlog import Collector
+from encircle.cli.progress import Progress, Tell, no_progress
+from encircle.measures.registry import measure
+from encircle.runlog.runlog import Collector
+from encircle.runner.memory import run_in_memory
 from encircle.studies.plan_files import load_plan
 from encircle.studies.study import Study
-from world.engine import build
+from encircle.world.arena.engine import build
 
 TURNS = 5
 

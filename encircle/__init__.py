@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from encircle.hunts import Hunt, resume, run
-    from encircle.launch import Patience
+    from encircle.runner.hunts import Hunt, resume, run
+    from encircle.runner.launch import Patience
     from encircle.studies.study import Study
-    from world.remarks import ScenarioRemark
-    from world.scenario import Scenario, ScenarioError, load, shipped
+    from encircle.world.scenario.remarks import ScenarioRemark
+    from encircle.world.scenario.scenario import Scenario, ScenarioError, load, shipped
 
 __all__ = [
     "Hunt",
@@ -31,10 +31,12 @@ __all__ = [
     "study",
 ]
 _FROM = {
-    **dict.fromkeys(("Hunt", "resume", "run"), "encircle.hunts"),
-    **dict.fromkeys(("Scenario", "ScenarioError", "load", "shipped"), "world.scenario"),
-    "Patience": "encircle.launch",
-    "ScenarioRemark": "world.remarks",
+    **dict.fromkeys(("Hunt", "resume", "run"), "encircle.runner.hunts"),
+    **dict.fromkeys(
+        ("Scenario", "ScenarioError", "load", "shipped"), "encircle.world.scenario.scenario"
+    ),
+    "Patience": "encircle.runner.launch",
+    "ScenarioRemark": "encircle.world.scenario.remarks",
 }
 
 

@@ -1,12 +1,12 @@
 """What ``encircle`` and ``python -m encircle`` start."""
 
-from protocol.interrupts import end_at_once, leave
+from encircle.protocol.programs.interrupts import end_at_once, leave
 
 
 def main() -> None:
     """Run the command line; what it imports takes a while, and Ctrl-C may come meanwhile."""
     end_at_once("encircle")
-    from encircle.cli import main as command_line
+    from encircle.cli.main import main as command_line
 
     leave(command_line())
 

@@ -6,3 +6,8 @@ viewer written elsewhere; ``docs/protocol.md`` is the reference for those in oth
 
 VERSION = 3
 """Version of the wire format, carried as ``v`` in every message."""
+
+if __name__ != "encircle.protocol":
+    raise ImportError(
+        "the package is imported as encircle.protocol, not as protocol", name=__name__
+    )

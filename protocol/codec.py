@@ -1,10 +1,10 @@
 """Messages to bytes and back. One msgpack map per message, string keys, ``v`` and ``run`` first.
 
 Decoding trusts nothing: length, version, run, the exact set of fields, each once, each field's type
-and every number's finiteness are checked (``protocol.fields``), and the error names the field, its
-value and who sent it. What is long is looked through before it is unpacked, which takes far more
-memory. Encoding is canonical (fixed field order, no optional fields left out), so equal messages
-have equal bytes.
+and every number's finiteness are checked (``encircle.protocol.fields``), and the error names the
+field, its value and who sent it. What is long is looked through before it is unpacked, which takes
+far more memory. Encoding is canonical (fixed field order, no optional fields left out), so equal
+messages have equal bytes.
 """
 
 import math
@@ -17,9 +17,9 @@ from typing import Any, TypeAlias, TypeVar
 
 import msgpack
 
-from protocol import VERSION
-from protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
-from protocol.fields import (
+from encircle.protocol import VERSION
+from encircle.protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
+from encircle.protocol.fields import (
     COUNT_MAX,
     NUMBER_MAX,
     TEXT_MAX,
@@ -27,8 +27,8 @@ from protocol.fields import (
     check_of,
     problem_of,
 )
-from protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
-from protocol.packing import Twice, bytes_in_list, check_names, map_size
+from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+from encircle.protocol.packing import Twice, bytes_in_list, check_names, map_size
 
 Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
 

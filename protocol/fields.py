@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from protocol.keys import is_name
-from protocol.messages import (
+from encircle.protocol.keys import is_name
+from encircle.protocol.messages import (
     CAUSE_CODE_MAX,
     ENDS,
     FAILED_FOR,

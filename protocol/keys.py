@@ -4,7 +4,7 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
-from protocol.errors import UnknownKey
+from encircle.protocol.errors import UnknownKey
 
 ROBOT_CHANNELS = ("setup", "observation", "end", "pose", "command", "alive")
 WORLD_CHANNELS = ("state", "radio", "alive")

@@ -10,7 +10,7 @@ nothing, until it joins again.
 from collections.abc import Sequence
 from enum import StrEnum
 
-from protocol.errors import OutOfTurn
+from encircle.protocol.errors import OutOfTurn
 
 
 class Phase(StrEnum):

@@ -7,7 +7,7 @@ puts a stamp on it and hands it over. The queue is bounded; what finds no room i
 import queue
 import time
 
-from protocol.errors import LinkClosed
+from encircle.protocol.errors import LinkClosed
 
 MAIL_MAX = 16_384
 TAKEN_MAX = 1024

@@ -109,14 +109,14 @@ class Pose:
 class Command:
     """Robot to world, once per tick: the step it wants to make, and for the record why.
 
-    ``estimate`` is its estimate of the target's position, ``goal`` the point it heads for,
-    ``team`` the robots it planned with, ``predictor`` what made the prediction (``spline``,
-    ``velocity`` or ``hold``), ``refused`` how many messages it has refused so far by cause,
-    and under ``late-detection`` how many detections came too late for its filter.
-    ``published`` tells whether the robot sends its peers a pose at this tick; if not, the command
-    alone is its answer. ``timing`` is None in lock-step, and in real time what the robot's clock
-    said: when the observation came, when this was sent, and what came before, oldest first, as
-    ``(sender, number, us)``: poses heard directly, and observations (``protocol.real_time``).
+    ``estimate`` is its estimate of the target's position, ``goal`` the point it heads for, ``team``
+    the robots it planned with, ``predictor`` what made the prediction (``spline``, ``velocity`` or
+    ``hold``), ``refused`` how many messages it has refused so far by cause, and under
+    ``late-detection`` how many detections came too late for its filter. ``published`` tells whether
+    the robot sends its peers a pose at this tick; if not, the command alone is its answer.
+    ``timing`` is None in lock-step, and in real time what the robot's clock said: when the
+    observation came, when this was sent, and what came before, oldest first, as ``(sender, number,
+    us)``: poses heard directly, and observations (``encircle.protocol.real_time``).
     """
 
     robot: str
@@ -165,9 +165,9 @@ class Radio:
     """World to recorders: the fate of each packet sent at a tick.
 
     ``fates[sender][receiver]`` is the tick at which the packet will be delivered, or minus a cause
-    code (``world.channel.CAUSES``) if it is lost; 0 where there was no packet. ``copies``,
-    likewise, are the ticks at which duplicates made by the radio will be delivered; empty if there
-    are none.
+    code (``encircle.world.channel.channel.CAUSES``) if it is lost; 0 where there was no packet.
+    ``copies``, likewise, are the ticks at which duplicates made by the radio will be delivered;
+    empty if there are none.
     """
 
     tick: int

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from math import pi
 from typing import Any
 
-from protocol.nearest import did_you_mean
+from encircle.protocol.suggestions import did_you_mean
 
 XI_MAX = 100.0
 BODIES = ("radius_m", "target_radius_m", "step_m_max", "sensing_range_m", "stop_distance_m")
@@ -48,7 +48,7 @@ class Parameters:
     enclosure_rad: float = 1.1 * pi
     """theta_th, the threshold of the enclosure test."""
     enclosure: str = "gap"
-    """Reading of the enclosure test: ``gap``, ``span`` or ``printed`` (``agents.shrink``)."""
+    """Reading of the enclosure test: ``gap``, ``span`` or ``printed`` (``planning.shrink``)."""
     allowance_rad: float = pi / 12
     """w, half the width of the allowance interval around 360/N degrees (Eq. 6)."""
     deviation_rad_max: float = pi / 3
@@ -79,7 +79,7 @@ class Parameters:
     """Detections older than this, or than the window, are not passed on."""
     publish: str = "always"
     """At ticks at which a robot may publish: do so ``always``, or only on an ``event``, when its
-    silence would mislead its peers (``agents.publishing``)."""
+    silence would mislead its peers (``encircle.agents.teamwork.publishing``)."""
     publish_every_ticks: int = 1
     """A robot may publish at ticks divisible by this."""
     publish_error_m: float = 0.3

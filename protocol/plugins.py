@@ -11,8 +11,8 @@ from importlib.metadata import EntryPoint, entry_points
 from math import nan
 from typing import Any
 
-from protocol.fields import NUMBER_MAX
-from protocol.messages import Point
+from encircle.protocol.fields import NUMBER_MAX
+from encircle.protocol.messages import Point
 
 STRATEGIES, TARGETS = "encircle.strategies", "encircle.targets"
 GROUPS = (STRATEGIES, TARGETS)

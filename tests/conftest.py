@@ -19,4 +19,4 @@ settings.load_profile("any-machine")
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same for hunts and studies that a test runs itself."""
-    monkeypatch.setattr("encircle.launch.PATIENCE", PATIENCE)
+    monkeypatch.setattr("encircle.runner.launch.PATIENCE", PATIENCE)

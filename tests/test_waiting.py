@@ -10,10 +10,10 @@ from pathlib import Path
 
 import helpers_waiting
 import pytest
+from helpers_paths import TESTS
 from helpers_waiting import completed, result_of, until, worked_s
 from under_load import load
 
-TESTS = Path(__file__).parent
 EXEMPT = {"helpers_waiting.py", "test_waiting.py", "robot.py"}
 """What waits for all others, and a program of another make."""
 CLOCKS = {"monotonic", "perf_counter", "time", "process_time"}

@@ -1,11 +1,12 @@
-"""``python -m world SCENARIO --listen ENDPOINT --run RUN``: the world, as a process.
+"""``python -m encircle.world SCENARIO --listen ENDPOINT --run RUN``: the world, as a process.
 
-``python -m world --resume DIR --listen ENDPOINT`` goes on with the run that is recorded there.
+``python -m encircle.world --resume DIR --listen ENDPOINT`` goes on with the run that is recorded
+there.
 """
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from protocol.interrupts import end_at_once
+    from encircle.protocol.programs.interrupts import end_at_once
 
     end_at_once("world")
 
@@ -15,32 +16,32 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from protocol.access import CONNECT_S_MAX, AccessError
-from protocol.interrupts import leave
-from protocol.log import say_error
-from protocol.options import Options, access, name_of, seconds, whole_number
-from protocol.security import WORLD
+from encircle.protocol.programs.interrupts import leave
+from encircle.protocol.programs.log import say_error
+from encircle.protocol.programs.options import Options, access, name_of, seconds, whole_number
+from encircle.protocol.zenoh.access_control import WORLD
+from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, AccessError
 
 TAKEN_BYTES_MAX = 64 * 1024
 """Poses and commands are shorter; what is longer than this does not even come in."""
 
 
-def main(arguments: Sequence[str] | None = None, program: str = "python -m world") -> int:
+def main(arguments: Sequence[str] | None = None, program: str = "python -m encircle.world") -> int:
     """Parse the command line and run the world; returns the exit status."""
     options = _options(program)
     found = options.parse(arguments)
     _check(options, found)
     # Imported late: a mistyped command need not wait for scipy.
-    from protocol.log import bounded_log
-    from protocol.refusals import refusals_told
-    from protocol.zenoh_config import warning
-    from world.engine import build
-    from world.reports import PersonReporter, report_as_json
-    from world.resuming import read_last, rebuild
-    from world.run_directory import RunDirectoryError, new_directory
-    from world.running import run_world
-    from world.scenario import ScenarioError, load
-    from world.server import ANSWER_S_MAX, JOIN_S_MAX, Terms
+    from encircle.protocol.programs.log import bounded_log
+    from encircle.protocol.zenoh.configuration import warning
+    from encircle.protocol.zenoh.refusals import refusals_told
+    from encircle.world.arena.engine import build
+    from encircle.world.process.reports import PersonReporter, report_as_json
+    from encircle.world.process.running import run_world
+    from encircle.world.process.server import ANSWER_S_MAX, JOIN_S_MAX, Terms
+    from encircle.world.recording.resuming import read_last, rebuild
+    from encircle.world.recording.run_directory import RunDirectoryError, new_directory
+    from encircle.world.scenario.scenario import ScenarioError, load
 
     try:
         where = access(found, CONNECT_S_MAX, name=WORLD)
@@ -95,7 +96,7 @@ def _check(options: Options, found: argparse.Namespace) -> None:
 
 
 def _when_lost(value: str) -> str:
-    from world.result import WHEN_LOST
+    from encircle.world.coordinator.result import WHEN_LOST
 
     if value not in WHEN_LOST:
         raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join(WHEN_LOST)}")

@@ -2,7 +2,8 @@
 
 A study is the grid of all combinations of its axes' levels, its cells, each run with the same
 seeds. Everything is checked before anything runs: the file itself, and every cell's scenario. All
-cells of one seed meet the same draws (``world.draws``), so arms of a study are compared in pairs.
+cells of one seed meet the same draws (``encircle.world.random_streams``), so arms of a study are
+compared in pairs.
 
 The fingerprint covers what the numbers depend on, the base scenario and the axes, and neither
 titles nor seeds: more seeds can be added to a table later.
@@ -29,11 +30,11 @@ from pydantic import (
     model_validator,
 )
 
-from encircle.measures import MEASURES
-from protocol.log import printable
-from protocol.plugins import GROUPS, STRATEGIES, TARGETS, installed
-from world.fields import shown
-from world.scenario import Scenario, ScenarioError, load
+from encircle.measures.registry import MEASURES
+from encircle.protocol.plugins import GROUPS, STRATEGIES, TARGETS, installed
+from encircle.protocol.programs.log import printable
+from encircle.world.scenario.fields import shown
+from encircle.world.scenario.scenario import Scenario, ScenarioError, load
 
 CELLS_MAX = 100_000
 CELLS_NAMED_MAX = 4

@@ -12,12 +12,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from encircle.protocol.suggestions import did_you_mean
 from encircle.studies.plan import Plan, StudyError
 from encircle.studies.plan_problems import lines_of, problems_of
-from protocol.nearest import did_you_mean
-from world import scenario as scenarios
-from world.scenario import Scenario, ScenarioError, load
-from world.validation import problems_in
+from encircle.world.scenario import scenario as scenarios
+from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+from encircle.world.scenario.validation import problems_in
 
 
 def load_plan(

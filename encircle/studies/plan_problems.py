@@ -3,10 +3,10 @@
 from collections.abc import Collection, Iterator
 from math import prod
 
-from encircle.measures import MEASURES
+from encircle.measures.registry import MEASURES
+from encircle.protocol.suggestions import did_you_mean
 from encircle.studies.plan import CELLS_MAX, RESERVED, Plan
-from protocol.nearest import did_you_mean
-from world.scenario import ScenarioError
+from encircle.world.scenario.scenario import ScenarioError
 
 GIVE = "give either"
 """What a scenario without robots is told, to which a study may add them on an axis."""

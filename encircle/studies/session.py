@@ -19,27 +19,27 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from encircle import launch
-from encircle.launch import ONE_THREAD, STOP_S_MAX, Patience, free_endpoint
-from encircle.runlog import RunLog
+from encircle.protocol.errors import LinkClosed
+from encircle.protocol.keys import robot_key, world_key
+from encircle.protocol.messages import FAILED_FOR
+from encircle.protocol.plugins import PluginFailed
+from encircle.protocol.programs.interrupts import check, is_kept
+from encircle.protocol.programs.log import bounded_log
+from encircle.protocol.programs.options import without_settings
+from encircle.protocol.zenoh.connection import LinkError, ZenohLink
+from encircle.protocol.zenoh.endpoints import Access
+from encircle.runlog.runlog import RunLog
+from encircle.runner import launch
+from encircle.runner.launch import ONE_THREAD, STOP_S_MAX, Patience, free_endpoint
+from encircle.studies.one_run import FAILED, Row, Task, failed_row, row, run_seed
 from encircle.studies.plan import Plan
 from encircle.studies.sources import versions
-from encircle.studies.work import FAILED, Row, Task, failed_row, row, run_seed
 from encircle.studies.workers import StudyFailed
-from protocol.access import Access
-from protocol.errors import LinkClosed
-from protocol.interrupts import check, is_kept
-from protocol.keys import robot_key, world_key
-from protocol.log import bounded_log
-from protocol.messages import FAILED_FOR
-from protocol.options import without_settings
-from protocol.plugins import PluginFailed
-from protocol.zenoh_link import LinkError, ZenohLink
-from world.core import WorldCore
-from world.engine import Arena, build
-from world.scenario import Scenario, ScenarioError, load
-from world.server import ASK_AGAIN_S, run_rounds
-from world.telling import send
+from encircle.world.arena.engine import Arena, build
+from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.process.sending import send
+from encircle.world.process.server import ASK_AGAIN_S, run_rounds
+from encircle.world.scenario.scenario import Scenario, ScenarioError, load
 
 WATCH_PERIOD_S = 0.1
 Messages = list[tuple[int, str, bytes]]
@@ -123,7 +123,15 @@ class Session:
         options = ("--run", self._run, "--stay", "--quiet", "--join-timeout", f"{s_max}")
         for robot in self._robots:
             self._processes[robot] = subprocess.Popen(
-                [sys.executable, "-m", "agents", robot, "--connect", self._endpoint, *options],
+                [
+                    sys.executable,
+                    "-m",
+                    "encircle.agents",
+                    robot,
+                    "--connect",
+                    self._endpoint,
+                    *options,
+                ],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 env=without_settings(os.environ) | ONE_THREAD,

@@ -25,13 +25,16 @@ from importlib.metadata import packages_distributions, version
 from importlib.util import find_spec
 from pathlib import Path
 
-from protocol.plugins import OWN, installed
+from encircle.protocol.plugins import OWN, installed
 
 OURS: Mapping[str, tuple[str, ...]] = {
-    "agents": ("",),
-    "encircle": ("measur", "memory", "recorded_log", "runlog", "studies/work"),
-    "protocol": ("",),
-    "world": ("",),
+    "encircle.agents": ("",),
+    "encircle.measures": ("",),
+    "encircle.protocol": ("",),
+    "encircle.runlog": ("",),
+    "encircle.runner": ("memory",),
+    "encircle.studies": ("one_run",),
+    "encircle.world": ("",),
 }
 """Packages, and the beginnings of their files' names, on which numbers depend."""
 PACKAGES = (OWN, "numpy", "scipy", "filterpy", "msgpack")
@@ -103,7 +106,7 @@ def _found(plugins: Names) -> _Found:
         entry = plugin.entry
         own = {entry.dist.name} if entry.dist is not None else set()
         found.distributions |= own
-        waiting, seen = [entry.module.partition(".")[0]], set(OURS) | sys.stdlib_module_names
+        waiting, seen = [entry.module.partition(".")[0]], {OWN} | sys.stdlib_module_names
         while waiting:  # ends: every module is looked at once
             module = waiting.pop()
             if module in seen:
@@ -121,7 +124,7 @@ def _found(plugins: Names) -> _Found:
 
 
 def _files_of(module: str) -> Files | None:
-    """The files of a top-level module or package; None if there is no such module."""
+    """The files of a module or package; None if there is no such module."""
     try:
         spec = find_spec(module)
     except (ImportError, ValueError):

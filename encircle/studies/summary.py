@@ -1,7 +1,7 @@
 """What a study's table says: each cell, levels against each other, how much is tolerated.
 
-Statistics are ``encircle.statistics``'s. Cells are read from the table one at a time and only the
-columns needed, so a summary takes no more memory for a long table than for a short one.
+Statistics are ``encircle.statistics.intervals``'s. Cells are read from the table one at a time and
+only the columns needed, so a summary takes no more memory for a long table than for a short one.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +15,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from encircle.comparisons import (
+from encircle.measures.registry import MEASURES
+from encircle.statistics.comparisons import (
     ROUNDING,
     Difference,
     corrected,
@@ -23,8 +24,7 @@ from encircle.comparisons import (
     paired_difference,
     rate_difference,
 )
-from encircle.measures import MEASURES
-from encircle.statistics import (
+from encircle.statistics.intervals import (
     Interval,
     Survival,
     capture_rate,
@@ -33,10 +33,10 @@ from encircle.statistics import (
     survival,
     tolerance,
 )
-from encircle.statistics import logrank as logrank_of
+from encircle.statistics.intervals import logrank as logrank_of
 from encircle.studies.plan import DELIVERED, Axis, Plan
 from encircle.studies.table import StudyTable
-from world.delay_means import Asked, asked, delivered_s_mean
+from encircle.world.channel.delay_means import Asked, asked, delivered_s_mean
 
 CAPTURED, TICKS = "captured", "ticks"
 CLAIMS = ("rate", "order", "time_s")

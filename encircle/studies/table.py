@@ -21,8 +21,8 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from encircle.studies.one_run import FAILED
 from encircle.studies.plan import Plan, StudyError
-from encircle.studies.work import FAILED
 
 TABLE, PARTS, OWNER, LOCK = "table.parquet", "parts", "study.json", "lock"
 KEYS = ("cell", "seed", FAILED)

@@ -10,10 +10,10 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from typing import Any
 
-from encircle import pool
-from encircle.studies import work
-from encircle.studies.work import Row, Task
-from protocol.interrupts import check
+from encircle.protocol.programs.interrupts import check
+from encircle.runner import process_pool as pool
+from encircle.studies import one_run as work
+from encircle.studies.one_run import Row, Task
 
 TASKS_PER_WORKER = 3
 CONNECT_S_MAX = 10.0

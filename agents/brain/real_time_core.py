@@ -1,0 +1,204 @@
+"""One robot's side of the protocol in real time, sans I/O and clock: times come in with messages.
+
+The world does not wait. So a robot answers the newest observation that it has and passes over those
+before it, but for what their radio brought: packets that were delivered, or admitted, then. It says
+in its commands how many observations it has passed over and how many never came, when the
+observation came that it answers, when it answers, and what it has heard when, until it knows that
+the world knows; from that the world works out what the network does
+(``encircle.world.network.transport``).
+
+``RobotCore`` checks and decides as ever; this only chooses what it is given.
+"""
+
+from collections import deque
+from dataclasses import replace
+from itertools import islice
+
+from encircle.agents.brain.brain import Action
+from encircle.agents.brain.direct_inbox import Hearing
+from encircle.agents.brain.robot_core import RobotCore
+from encircle.protocol.codec import decode, decode_pose, encode
+from encircle.protocol.errors import (
+    MalformedMessage,
+    OutOfTurn,
+    ProtocolError,
+    WrongRun,
+    WrongSender,
+)
+from encircle.protocol.keys import parse_key, robot_key
+from encircle.protocol.messages import HEARD_MAX, Command, Observation
+from encircle.protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
+
+BACKLOG_MAX = 1024
+TOLD_MAX = 16_384
+"""What is heard and not known to be known; as long as there is no more room, nothing is heard."""
+TOLD_BYTES_MAX, TOLD_BYTES = 12 * 1024, 20
+"""What a command has room for, and what a thing heard takes at most besides its sender's name."""
+
+Outgoing = list[tuple[str, bytes]]
+
+
+class RealTimeCore:
+    """The protocol in real time around one robot's core, which must have its setup."""
+
+    def __init__(self, core: RobotCore) -> None:
+        self.core = core
+        self._begin()
+
+    def _begin(self) -> None:
+        """Start afresh, as the brain does with a new setup."""
+        setup = self.core.setup
+        assert setup is not None, "real time begins with a setup"
+        self._setup = setup
+        for name in (PASSED_OVER, MISSED):
+            self.core.refused.pop(name, None)
+        self._hearing = Hearing([robot for robot in setup.team if robot != self.core.robot])
+        self._backlog: deque[tuple[int, str, bytes]] = deque()
+        self._waiting: list[tuple[int, Observation]] = []
+        self._next_tick = setup.first_tick
+        self._sequence = setup.first_tick
+        # What is not known to be known, from number ``_known`` on; what each command told ends at.
+        self._untold: deque[tuple[str, int, int]] = deque()
+        self._known = 0
+        self._ends: dict[int, int] = {}
+        longest = max(len(name.encode()) for name in (*setup.team, ANSWERED, PASSED_OVER))
+        self._tells_max = min(HEARD_MAX, TOLD_BYTES_MAX // (TOLD_BYTES + longest))
+        self._came_us = 0
+        self._last: Command | None = None
+
+    @property
+    def quiet_s(self) -> float:
+        """After how long without an observation the robot is to stop."""
+        role = self.core.role
+        assert role is not None, "real time begins with a setup"
+        return role.tick_s * role.parameters.silence_ticks_max
+
+    def take(self, came_us: int, key: str, payload: bytes) -> None:
+        """Take in a message that came at a time by this robot's clock; never raises for it."""
+        try:
+            self._take(came_us, key, payload)
+        except ProtocolError as error:
+            self.core.refuse(key, error)
+
+    def _take(self, came_us: int, key: str, payload: bytes) -> None:
+        run, robot, channel = parse_key(key)
+        if run != self.core.run:
+            raise WrongRun(f"key of run {run!r}, this is {self.core.run!r}")
+        if channel == "pose" and robot != self.core.robot:
+            self._backlog.append((came_us, key, payload))
+            if len(self._backlog) > BACKLOG_MAX:
+                self._backlog.popleft()
+                self._count(OVERHEARD, 1)
+        elif channel == "observation" and robot == self.core.robot:
+            observation = decode(Observation, payload, run)
+            self._check(observation)
+            if observation.tick < self._next_tick:
+                raise OutOfTurn(
+                    f"observation of tick {observation.tick}, next is {self._next_tick}"
+                )
+            self.core.taken += 1
+            self._count(MISSED, observation.tick - self._next_tick)
+            self._next_tick = observation.tick + 1
+            self._is_known(observation.answered)
+            if len(self._untold) + len(self._waiting) >= TOLD_MAX:
+                self._count(MISSED, 1)
+                return
+            self._waiting.append((came_us, observation))
+        else:
+            self.core.receive(key, payload)
+            if self.core.setup is not self._setup:
+                self._begin()
+
+    def _check(self, observation: Observation) -> None:
+        self.core.check(observation)
+        if observation.inbox and self._setup.radio == "direct":
+            raise MalformedMessage("Observation: inbox must be empty where robots hear each other")
+
+    def decide(self) -> Action | None:
+        """Answer the newest observation; None if there is none, or it is refused."""
+        if not self._waiting:
+            return None
+        waiting, self._waiting = self._waiting, []
+        self._came_us, newest = waiting[-1]
+        self._hear()
+        for _, observation in waiting:
+            self._hearing.admit(observation.admitted)
+        self._count(PASSED_OVER, len(waiting) - 1)
+        for came_us, observation in waiting[:-1]:
+            self._untold.append((PASSED_OVER, observation.tick, came_us))
+        inbox = [packet for _, observation in waiting for packet in observation.inbox]
+        if self._setup.radio == "direct":
+            inbox += self._hearing.take(newest.tick)
+        try:
+            action = self.core.answer(replace(newest, inbox=tuple(inbox)))
+        except ProtocolError as error:
+            self.core.refuse("observation", error)
+            self._count(PASSED_OVER, 1)
+            self._untold.append((PASSED_OVER, newest.tick, self._came_us))
+            return None
+        self._untold.append((ANSWERED, newest.tick, self._came_us))
+        return action
+
+    def said(self, action: Action, now_us: int) -> Outgoing:
+        """The messages that an action makes, sent at ``now_us`` by this robot's clock."""
+        told = tuple(islice(self._untold, self._tells_max))
+        self._ends[action.command.tick] = self._known + len(told)
+        if len(self._ends) > TOLD_MAX:
+            del self._ends[next(iter(self._ends))]
+        self._last = replace(action.command, timing=(self._came_us, now_us, told))
+        messages = [self._message("command", self._last)]
+        if action.pose is not None:
+            # Numbered one by one, so that a gap is a packet that was lost and nothing else.
+            pose = replace(action.pose, sequence=self._sequence, sent_us=now_us)
+            self._sequence += 1
+            messages.insert(0, self._message("pose", pose))
+        return messages
+
+    def stop(self, now_us: int) -> Outgoing:
+        """No observation has come for ``quiet_s``: stand still and say so; once, then silence."""
+        if self._last is None or self._last.mode == STOPPED:
+            return []
+        assert self._last.timing is not None, "commands by the clock have it"
+        # Whether this or the one before has come cannot be told apart: both tell the same.
+        timing = (self._came_us, now_us, self._last.timing[2])
+        self._last = replace(
+            self._last, step=(0.0, 0.0), mode=STOPPED, published=False, timing=timing
+        )
+        return [self._message("command", self._last)]
+
+    def _is_known(self, tick: int | None) -> None:
+        """The world has the command of that tick, so it knows what that told and all before."""
+        end = self._ends.get(-1 if tick is None else tick, 0)
+        while self._known < end:
+            self._untold.popleft()
+            self._known += 1
+        if end:
+            self._ends = {later: to for later, to in self._ends.items() if to > end}
+
+    def _hear(self) -> None:
+        """Take in what peers have sent, as far as there is room to tell of it."""
+        while self._backlog and len(self._untold) < TOLD_MAX:
+            came_us, key, packet = self._backlog.popleft()
+            try:
+                pose = decode_pose(packet, self.core.run)
+                if pose.robot != parse_key(key).robot:
+                    raise WrongSender(f"pose says it is from {pose.robot!r}")
+                if pose.robot not in self._setup.team:
+                    raise WrongSender(f"pose from {pose.robot}")
+            except ProtocolError as error:
+                self.core.refuse(key, error)
+                continue
+            self._hearing.arrive(pose.robot, pose.sequence, pose.tick, packet)
+            self._untold.append((pose.robot, pose.sequence, came_us))
+
+    def no_room(self, packets: int) -> None:
+        """So many messages have come for which there was no room."""
+        self._count(OVERHEARD, packets)
+
+    def _count(self, name: str, number: int) -> None:
+        if number:
+            self.core.refused[name] += number
+
+    def _message(self, channel: str, message: object) -> tuple[str, bytes]:
+        core = self.core
+        return robot_key(core.run, core.robot, channel), encode(message, core.run)  # type: ignore[arg-type]

@@ -1,0 +1,227 @@
+"""One robot's side of the protocol, sans I/O: messages in, messages out.
+
+The shell that owns a link feeds in what arrives and sends what comes back. What is refused is
+counted by cause, and told to ``log`` once per message; the counts travel to the world with each
+command, so that nothing is lost silently.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from encircle.agents.brain import brain
+from encircle.agents.brain.observation_check import problem_of
+from encircle.agents.policies.strategies import Choice, Strategy, View, strategy_named
+from encircle.protocol.codec import decode, decode_pose, encode
+from encircle.protocol.errors import (
+    MalformedMessage,
+    OutOfTurn,
+    ProtocolError,
+    WrongRun,
+    WrongSender,
+)
+from encircle.protocol.keys import parse_key, robot_key
+from encircle.protocol.messages import FAILED, Command, End, Observation, Pose, Setup
+from encircle.protocol.parameters import BODIES, Parameters
+from encircle.protocol.plugins import STRATEGIES, PluginBroken, PluginFailed
+
+
+class RobotCore:
+    """The protocol around one brain. ``ended`` holds the reason once the run is over.
+
+    ``taken`` counts what was said by the world and not refused, so that it shows whether one is
+    there.
+
+    ``failed``: how the robot's own code has failed, if it has. From then on the robot says so, in
+    place of commands, whatever it is asked; ``decide`` raises it, and ``tell_failure`` gets it.
+
+    ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation
+    that is already decoded, for hunts inside one process. A setup starts a fresh brain at any time:
+    a robot that was lost is taken in again with one. ``tick``: the last one that it was asked for;
+    ``mode``: what it then did; ``setups``: how many it has had.
+    """
+
+    def __init__(
+        self,
+        robot: str,
+        run: str,
+        log: Callable[[str], None] = lambda _line: None,
+        tell_failure: Callable[[PluginFailed], None] = lambda _failed: None,
+    ) -> None:
+        self.robot = robot
+        self.run = run
+        self.ended: str | None = None
+        self.failed: PluginFailed | None = None
+        self._told: PluginFailed | None = None
+        self.refused: Counter[str] = Counter()
+        self.taken = 0
+        self.setup: Setup | None = None
+        self.role: brain.Role | None = None
+        self.state: brain.BrainState | None = None
+        self.tick = -1
+        self.mode = ""
+        self.setups = 0
+        self._answer_tick = 0
+        self._timed: bool | None = None
+        self._answered: bytes | None = None
+        self._answer: list[tuple[str, bytes]] = []
+        self._log = log
+        self._tell_failure = tell_failure
+        self._pose_key = robot_key(run, robot, "pose")
+        self._command_key = robot_key(run, robot, "command")
+
+    def receive(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
+        """Take one message in; returns the messages to send. Never raises for remote input."""
+        try:
+            answer = self._receive(key, payload)
+        except ProtocolError as error:
+            self.refuse(key, error)
+            return []
+        self.taken += 1
+        return answer
+
+    def _receive(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
+        run, robot, channel = parse_key(key)
+        if run != self.run:
+            raise WrongRun(f"key of run {run!r}, this is {self.run!r}")
+        if robot != self.robot:
+            raise WrongSender(f"meant for {robot}")
+        if channel == "observation":
+            # Asked once more when the answer was lost on the way: nothing is decided anew.
+            if payload != self._answered:
+                action = self.answer(decode(Observation, payload, self.run))
+                self._answered, self._answer = payload, []
+                if action.command.tick < self._answer_tick:
+                    return []
+                self._answer = [(self._command_key, encode(action.command, self.run))]
+                if action.pose is not None:
+                    self._answer.insert(0, (self._pose_key, encode(action.pose, self.run)))
+            return self._answer
+        if channel == "setup":
+            self._set_up(decode(Setup, payload, self.run))
+        elif channel == "end":
+            end = decode(End, payload, self.run)
+            if end.robot != self.robot:
+                raise WrongSender(f"end is for {end.robot}")
+            self.ended = end.reason
+        else:
+            raise OutOfTurn(f"a robot does not listen to {channel!r}")
+        return []
+
+    def _set_up(self, setup: Setup) -> None:
+        if setup.robot != self.robot or self.robot not in setup.team:
+            raise WrongSender(f"setup is for {setup.robot} in team {', '.join(setup.team)}")
+        missing = [name for name in BODIES if name not in setup.parameters]
+        if missing:
+            raise MalformedMessage(f"Setup: parameters lack {', '.join(missing)}")
+        try:
+            strategy, failed = self._strategy(setup)
+            parameters = Parameters.from_mapping(setup.parameters)
+        except ValueError as error:
+            raise MalformedMessage(f"Setup: {error}") from None
+        role = brain.Role(
+            self.robot, setup.team, setup.tick_s, strategy, parameters, setup.strategy
+        )
+        # Whatever was known is of another life; its track may have a gap that no filter bridges.
+        self.setup, self.role, self.failed = setup, role, failed
+        self.state = brain.initial(role, setup.first_tick)
+        self.tick, self._answer_tick = setup.first_tick - 1, setup.answer_tick
+        self.setups += 1
+        self._answered = None
+
+    def _strategy(self, setup: Setup) -> tuple[Strategy, PluginFailed | None]:
+        """The strategy of a setup, or how it cannot be had; ``ValueError`` if nobody knows it."""
+        try:
+            return strategy_named(setup.strategy), None
+        except PluginBroken as error:
+            failed = PluginFailed(STRATEGIES, setup.strategy, self.robot, setup.first_tick, error)
+            return _none, failed
+
+    def answer(self, observation: Observation) -> brain.Action:
+        """As ``decide``; a robot whose own code fails answers with that instead."""
+        try:
+            return self.decide(observation)
+        except PluginFailed as error:
+            if error is not self._told:
+                self.failed = self._told = error
+                self._tell_failure(error)
+            return brain.Action(None, _failed(observation))
+
+    def check(self, observation: Observation) -> None:
+        """Raise for what cannot be answered; nothing changes.
+
+        ``OutOfTurn`` before setup or if its tick is not the next one, ``WrongSender`` if it is for
+        another robot, ``MalformedMessage`` for what cannot be so.
+        """
+        if self.setup is None or self.role is None:
+            raise OutOfTurn(f"observation of tick {observation.tick} before setup")
+        if observation.robot != self.robot:
+            raise WrongSender(f"observation is for {observation.robot}")
+        # By the clock ticks are left out that came late or never.
+        by_clock = observation.sent_us is not None and observation.tick > self.tick
+        if observation.tick != self.tick + 1 and not by_clock:
+            raise OutOfTurn(f"observation of tick {observation.tick} after tick {self.tick}")
+        if self._timed not in (None, observation.sent_us is not None):
+            raise MalformedMessage("Observation: sent_us is null in lock-step, and only there")
+        problem = problem_of(observation, self.setup, self.role)
+        if problem is not None:
+            raise MalformedMessage(f"Observation: {problem}")
+
+    def decide(self, observation: Observation) -> brain.Action:
+        """Answer an observation; raises as ``check``, or ``PluginFailed`` if the strategy does."""
+        self.check(observation)
+        assert self.role is not None, "checked"
+        assert self.state is not None, "checked"
+        places = brain.places_in(self.role.team)
+        self.tick, self._timed = observation.tick, observation.sent_us is not None
+        if self.failed is not None:
+            raise self.failed
+        packets = []
+        for packet in observation.inbox:
+            try:
+                pose = decode_pose(packet, self.run)
+                if pose.robot not in places or pose.robot == self.robot:
+                    raise WrongSender(f"pose from {pose.robot}")
+                if pose.tick >= observation.tick:
+                    raise OutOfTurn(f"pose of tick {pose.tick} at tick {observation.tick}")
+                packets.append(self._sifted(pose, places) if pose.relayed else pose)
+            except ProtocolError as error:
+                self.refuse("inbox", error)
+        self.state, action = brain.step(self.state, observation, packets, self.role)
+        self.mode = action.command.mode
+        counts = dict(sorted(self.refused.items()))
+        if self.state.track.dropped:
+            counts["late-detection"] = self.state.track.dropped
+        if counts:
+            return action._replace(command=replace(action.command, refused=counts))
+        return action
+
+    def _sifted(self, pose: Pose, places: Mapping[str, int]) -> Pose:
+        """The pose without those relayed detections that cannot be, which are refused."""
+        sound = []
+        for report in pose.relayed:
+            origin, tick = report[:2]
+            if origin in places and tick < pose.tick:
+                sound.append(report)
+                continue
+            said = f"{pose.robot} relays a detection by {origin!r} of tick {tick}"
+            if origin not in places:
+                self.refuse("inbox", WrongSender(f"{said}, not of this team"))
+            else:
+                self.refuse("inbox", OutOfTurn(f"{said} at tick {pose.tick}"))
+        return pose if len(sound) == len(pose.relayed) else replace(pose, relayed=tuple(sound))
+
+    def refuse(self, key: str, error: ProtocolError) -> None:
+        """Count and log something that was refused."""
+        self.refused[error.cause] += 1
+        self._log(f"{self.robot} refused a message on {key}: {error}")
+
+
+def _none(view: View) -> Choice:
+    raise AssertionError(f"a robot without a strategy is not asked for one: {view}")
+
+
+def _failed(observation: Observation) -> Command:
+    """The command of a robot that cannot say what to do: it stands still."""
+    robot, tick = observation.robot, observation.tick
+    return Command(robot, tick, (0.0, 0.0), FAILED, None, None, None, None, None, (), False)

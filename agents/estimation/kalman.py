@@ -1,0 +1,209 @@
+"""Kalman filter over everybody's detections of the target, late ones put in their place.
+
+Constant-velocity model with white acceleration noise, position measured, noise isotropic. The two
+axes are then the same filter run twice: one 2 x 2 covariance serves both, and several detections of
+one tick are exactly one detection at their mean with the variance divided by their number. The
+covariance and gain depend on the numbers of detections only, not on what was detected. They are
+filterpy's, from ``predict`` and ``update``, and remembered (rounded to 1e-12, so that the recursion
+comes to rest); a step of the mean is our own, a handful of multiplications.
+
+Raw detections travel, with origin and tick, never estimates. A detection that arrives late is put
+at its tick and the filter is run again from there over its short window, so the result is the same
+as if everything had arrived in order, and nothing is counted twice, whatever ways a detection takes
+to get here. The alternative, to ignore what is late, is there to be compared with.
+"""
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from filterpy.common import Q_discrete_white_noise
+from filterpy.kalman import predict, update
+from numpy.typing import NDArray
+
+from encircle.protocol.parameters import Parameters
+
+COVARIANCE_DIGITS = 12
+
+
+class Estimate(NamedTuple):
+    """Mean (m, m/s) and per-axis covariance (p00, p01, p11) of the target's state at a tick."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    covariance: tuple[float, float, float]
+
+
+Detection: TypeAlias = tuple[int, int, float, float]
+"""``(tick, origin, x, y)``: where robot number ``origin`` detected the target at ``tick``, in m."""
+
+
+class Entry(NamedTuple):
+    """One tick of the window: its detections and the filtered estimate after them.
+
+    Detections stand in robot order, not in order of arrival: addition is not associative.
+    """
+
+    detections: tuple[Detection, ...]
+    estimate: Estimate | None
+
+
+class Track(NamedTuple):
+    """The filter's state: entries for the ticks ``first_tick``, ``first_tick + 1``, ..."""
+
+    first_tick: int
+    base: Estimate | None
+    """The estimate just before the first entry, from which the window is run again."""
+    entries: tuple[Entry, ...]
+    detected_tick: int
+    """Newest tick at which anyone is known to have detected the target; -1 if none is."""
+    dropped: int
+    """Detections that came too late to be used."""
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The newest estimate, None while nothing is known."""
+        return self.entries[-1].estimate if self.entries else None
+
+
+NO_TRACK = Track(0, None, (), -1, 0)
+EMPTY = Entry((), None)
+
+
+def fold(
+    track: Track, detections: Iterable[Detection], tick: int, tick_s: float, parameters: Parameters
+) -> Track:
+    """The track at ``tick`` (one after the track's last) with these detections folded in.
+
+    A track that nobody has fed for ``track_age_ticks_max`` is given up, and starts anew with the
+    next detection; then what is older than the last one of the old track comes too late.
+    """
+    entries = [*track.entries, EMPTY]
+    first, base = track.first_tick, track.base
+    surplus = len(entries) - parameters.window_ticks
+    if surplus > 0:
+        first, base = first + surplus, entries[surplus - 1].estimate
+        del entries[:surplus]
+    dirty = len(entries) - 1
+    newest, dropped = track.detected_tick, track.dropped
+    # An undelayed link brings a detection at the tick after it was made.
+    late_tick = tick - 1 if parameters.late_detections == "ignore" else first
+    by_tick: dict[int, list[Detection]] = {}
+    for detection in detections:
+        by_tick.setdefault(detection[0], []).append(detection)
+    for heard_tick, arrived in by_tick.items():
+        place = heard_tick - first
+        if place < 0:
+            dropped += len(arrived)
+            continue
+        known = entries[place].detections
+        if heard_tick < late_tick:
+            dropped += len({d[1] for d in arrived} - {d[1] for d in known})
+            continue
+        merged = {d[1]: d for d in (*arrived, *known)}  # one per origin, the one known first
+        if len(merged) > len(known):
+            entries[place] = Entry(tuple(sorted(merged.values())), None)
+            dirty = min(dirty, place)
+            newest = max(newest, heard_tick)
+    if -1 < newest < tick - parameters.track_age_ticks_max:
+        # What the old track was fed with is forgotten, so a copy of it must not feed the new one.
+        first = max(first, newest + 1)
+        return Track(first, None, (EMPTY,) * (tick + 1 - first), -1, dropped)
+    noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
+    before = entries[dirty - 1].estimate if dirty else base
+    for place in range(dirty, len(entries)):
+        heard = entries[place].detections
+        before = _step(before, heard, noise, parameters.velocity_mps_std)
+        entries[place] = Entry(heard, before)
+    return Track(first, base, tuple(entries), newest, dropped)
+
+
+def up_to(track: Track, tick: int, tick_s: float, parameters: Parameters) -> Track:
+    """The track as of the tick before ``tick``, nothing having been heard since its last.
+
+    One whose target would be given up for lost in between starts anew at ``tick``.
+    """
+    next_tick = track.first_tick + len(track.entries)
+    if tick - next_tick > parameters.track_age_ticks_max:
+        return NO_TRACK._replace(first_tick=tick, dropped=track.dropped)
+    for passed in range(next_tick, tick):
+        track = fold(track, (), passed, tick_s, parameters)
+    return track
+
+
+def next_estimate(
+    before: Estimate | None,
+    detections: tuple[Detection, ...],
+    tick_s: float,
+    parameters: Parameters,
+) -> Estimate | None:
+    """The estimate one tick later, for detections that come in order: the filter, no window."""
+    noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
+    return _step(before, detections, noise, parameters.velocity_mps_std)
+
+
+def _step(
+    before: Estimate | None,
+    detections: tuple[Detection, ...],
+    noise: tuple[float, float, float],
+    velocity_mps_std: float,
+) -> Estimate | None:
+    """One tick of the filter: predict, then update with all of the tick's detections at once."""
+    count = len(detections)
+    if count:
+        mean_x = sum([d[2] for d in detections]) / count
+        mean_y = sum([d[3] for d in detections]) / count
+        if before is None:
+            covariance = (noise[2] ** 2 / count, 0.0, velocity_mps_std**2)
+            return Estimate(mean_x, mean_y, 0.0, 0.0, covariance)
+    elif before is None:
+        return None
+    x, y, vx, vy, covariance = before
+    x += noise[0] * vx
+    y += noise[0] * vy
+    covariance, gain_x, gain_v = covariance_step(covariance, count, *noise)
+    if count:
+        error_x, error_y = mean_x - x, mean_y - y
+        x += gain_x * error_x
+        y += gain_x * error_y
+        vx += gain_v * error_x
+        vy += gain_v * error_y
+    return Estimate(x, y, vx, vy, covariance)
+
+
+@lru_cache(maxsize=65_536)
+def covariance_step(
+    covariance: tuple[float, float, float],
+    count: int,
+    tick_s: float,
+    acceleration_mps2_std: float,
+    measurement_m_std: float,
+) -> tuple[tuple[float, float, float], float, float]:
+    """Predict and update one axis's covariance with ``count`` detections; also the Kalman gain.
+
+    The gain is read off filterpy's update as its answer to a unit innovation from a zero mean.
+    """
+    p00, p01, p11 = covariance
+    transition, process, position_of = _model(tick_s, acceleration_mps2_std)
+    zero = np.zeros(2)
+    _, p = predict(zero, np.array([[p00, p01], [p01, p11]]), transition, process)
+    gain_x = gain_v = 0.0
+    if count:
+        variance = np.array([[measurement_m_std**2 / count]])
+        gain, p = update(zero, p, 1.0, variance, position_of)
+        gain_x, gain_v = float(gain[0]), float(gain[1])
+    after = tuple(round(float(value), COVARIANCE_DIGITS) for value in (p[0, 0], p[0, 1], p[1, 1]))
+    return (after[0], after[1], after[2]), gain_x, gain_v
+
+
+@lru_cache(maxsize=16)
+def _model(
+    tick_s: float, acceleration_mps2_std: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Transition, process noise and measurement matrix of one axis."""
+    transition = np.array([[1.0, tick_s], [0.0, 1.0]])
+    process = Q_discrete_white_noise(2, tick_s, acceleration_mps2_std**2)
+    return transition, process, np.array([[1.0, 0.0]])

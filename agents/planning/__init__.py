@@ -1,0 +1,1 @@
+"""Where to go: a module for each group of the paper's equations."""

@@ -1,0 +1,62 @@
+"""What a strategy may answer: checked as it comes, for strategies are other people's code.
+
+A step that is not finite, or a value that has no place in a message, would come to light elsewhere
+and later, where nothing tells who is to blame.
+"""
+
+from typing import Any
+
+from encircle.agents.policies.strategies import Choice
+from encircle.protocol.fields import COUNT_MAX, NUMBER_MAX, TEXT_MAX
+from encircle.protocol.messages import FAILED
+from encircle.protocol.plugins import BadAnswer, pair_of_m, shown
+from encircle.protocol.real_time import STOPPED
+
+
+def checked(choice: Any) -> Choice:
+    """The choice, its numbers as plain ones; ``BadAnswer`` if it is none."""
+    if not isinstance(choice, Choice):
+        raise BadAnswer(f"{shown(choice)}: must be a Choice (encircle.agents.policies.strategies)")
+    mode, step, goal, xi, point, predictor = choice
+    _check_text("mode", mode)
+    if mode in (FAILED, STOPPED):
+        raise BadAnswer(f"mode = {mode!r}: is kept for commands that no strategy has chosen")
+    if predictor is not None:
+        _check_text("predictor", predictor)
+    step, goal = pair_of_m("step", step), pair_of_m("goal", goal)
+    return Choice(mode, step, goal, _prediction_step(xi), _point(point), predictor)
+
+
+def _check_text(name: str, value: Any) -> None:
+    if type(value) is str and len(value) <= TEXT_MAX and (value.isascii() or _is_sound(value)):
+        return
+    raise BadAnswer(f"{name} = {shown(value)}: must be text of at most {TEXT_MAX} characters")
+
+
+def _is_sound(text: str) -> bool:
+    """Whether there is no half of a character in it, which cannot be sent."""
+    return text.encode(errors="replace").decode() == text
+
+
+def _prediction_step(xi: Any) -> float | None:
+    if xi is None:
+        return None
+    try:
+        number = float(xi)
+    except (TypeError, ValueError, OverflowError):
+        number = NUMBER_MAX
+    if isinstance(xi, str) or not -NUMBER_MAX < number < NUMBER_MAX:
+        raise BadAnswer(f"xi = {shown(xi)}: must be a prediction step, or None")
+    return number
+
+
+def _point(point: Any) -> int | None:
+    if point is None:
+        return None
+    try:
+        number = point.__index__()
+    except (AttributeError, TypeError):
+        number = -1
+    if isinstance(point, bool) or not 0 <= number <= COUNT_MAX:
+        raise BadAnswer(f"point = {shown(point)}: must be the number of a point from 0 on, or None")
+    return int(number)

@@ -1,0 +1,1 @@
+"""The robot as a process: asyncio, signals, and the connection."""

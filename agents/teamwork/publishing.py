@@ -1,0 +1,90 @@
+"""When to speak: at every n-th tick, or only when silence would mislead the peers.
+
+The second is send-on-delta: a sender carries along what its receivers make of its packets alone,
+and sends when the truth is farther than a given error from that. Receivers here make two things of
+them: where the sender is (``encircle.agents.teamwork.peers``: the last position, held or moved on
+by the velocity sent with it) and where the target is (``encircle.agents.estimation.kalman``: the
+constant-velocity prediction from the detections sent). Both are computed as the receivers do it, so
+with packets that arrive at once and nothing else to go by, no receiver is ever more wrong than that
+when it hears nothing.
+
+Left out: nobody acknowledges a packet, so after a loss only the age of the last packet brings the
+next one; that the target is out of sight again is no event, since no receiver's picture depends on
+it; and what was heard from others is passed on with the next packet, without causing one. What is
+detected at a tick without a packet serves this robot alone: it is not sent later.
+"""
+
+from math import dist
+from typing import NamedTuple
+
+from encircle.agents.estimation.kalman import Estimate, next_estimate
+from encircle.agents.teamwork.peers import Peer, fold, taken_to_be
+from encircle.protocol.messages import QUANTUM_M, Point, Pose
+from encircle.protocol.parameters import Parameters
+
+
+class Told(NamedTuple):
+    """What a peer knows that has heard all of this robot's packets and nothing else.
+
+    ``sender``: of this robot, by its last packet; ``detecting``: whether that carried a detection;
+    ``target``: its estimate of the target; ``detected_tick``: newest tick of a detection in it.
+    """
+
+    sender: Peer
+    detecting: bool
+    target: Estimate | None
+    detected_tick: int
+
+
+def is_due(
+    told: Told | None,
+    tick: int,
+    position: Point,
+    detection: Point | None,
+    tick_s: float,
+    parameters: Parameters,
+) -> bool:
+    """Whether to publish at a tick. ``told``: as of the tick before, None if nothing was said."""
+    if tick % parameters.publish_every_ticks:
+        return False
+    if parameters.publish == "always" or told is None:
+        return True
+    if tick - told.sender[0] >= parameters.publish_age_ticks_max:
+        return True
+    # Whole quanta travel, so an error of one is none.
+    error_m = parameters.publish_error_m + QUANTUM_M
+    if dist(position, taken_to_be((told.sender,), tick, parameters)[0]) > error_m:
+        return True
+    if detection is None:
+        return False
+    target = _remembered(told, tick, parameters)
+    if target is None or not told.detecting:
+        return True
+    return dist(detection, (target.x + tick_s * target.vx, target.y + tick_s * target.vy)) > error_m
+
+
+def told_after(
+    told: Told | None, pose: Pose | None, tick: int, tick_s: float, parameters: Parameters
+) -> Told | None:
+    """What has been told when a tick is over; ``pose``: the packet sent at it, if any."""
+    if parameters.publish == "always":
+        return None
+    target = _remembered(told, tick, parameters)
+    if pose is None or pose.detection is None:
+        target = next_estimate(target, (), tick_s, parameters)
+        detected_tick = told.detected_tick if told else -1
+    else:
+        target = next_estimate(target, ((tick, 0, *pose.detection),), tick_s, parameters)
+        detected_tick = tick
+    if pose is None:
+        return told and told._replace(target=target)
+    sender = fold((None,), ((0, pose),), (), tick, tick_s)[0]
+    assert sender is not None, "a packet tells where its sender is"
+    return Told(sender, pose.detection is not None, target, detected_tick)
+
+
+def _remembered(told: Told | None, tick: int, parameters: Parameters) -> Estimate | None:
+    """The peer's estimate, unless it has given the target up for lost by now."""
+    if told is None or told.detected_tick < tick - parameters.track_age_ticks_max:
+        return None
+    return told.target

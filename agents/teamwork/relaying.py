@@ -1,0 +1,47 @@
+"""Passing on what others detected, so that a detection can take a way round a bad link.
+
+Every packet of a relaying robot repeats the newest detections that it has heard of, so one packet
+that gets through makes up for several that did not. They carry origin and tick, so that whoever
+hears of one twice counts it once (``encircle.agents.estimation.kalman``). Passed on is what the
+filter's window holds: not what came too late to be used, nor what belongs to a track that was given
+up. The robot's own earlier detections are left out: to repeat oneself is another remedy than to
+help others, and a study could not tell the two apart.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from encircle.agents.estimation.kalman import Detection, Track
+from encircle.protocol.messages import RELAYED_MAX, Pose
+
+Relayed = tuple[tuple[str, int, float, float], ...]
+
+
+def to_pass_on(
+    track: Track, tick: int, own: int, team: Sequence[str], age_ticks_max: int
+) -> Relayed:
+    """What others detected before a tick, newest first and then in robot order."""
+    found: list[tuple[str, int, float, float]] = []
+    oldest = max(0, tick - age_ticks_max - track.first_tick)
+    for entry in track.entries[oldest:][::-1]:
+        for heard_tick, origin, x, y in entry.detections:
+            if origin != own:
+                found.append((team[origin], heard_tick, x, y))
+        if len(found) >= RELAYED_MAX:
+            break
+    return tuple(found[:RELAYED_MAX])
+
+
+def passed_on(
+    packets: Sequence[Pose], tick: int, own: int, places: Mapping[str, int]
+) -> list[Detection]:
+    """The earlier detections by others that these packets pass on, each once.
+
+    The same is heard from many sides; of what should not differ but does, the last one counts.
+    """
+    found: dict[tuple[int, int], Detection] = {}
+    for packet in packets:
+        for origin, heard_tick, x, y in packet.relayed:
+            place = places[origin]
+            if place != own and heard_tick < tick:
+                found[heard_tick, place] = (heard_tick, place, x, y)
+    return list(found.values())

@@ -1,0 +1,110 @@
+"""``encircle run``: a hunt with a display, a figure at its end, and a way on if it breaks off."""
+
+import json
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.console import Console
+
+from encircle.cli.display import Display
+from encircle.network.transport import SHOWN_MAX, show
+from encircle.protocol.programs.interrupts import Interrupted, held, saying
+from encircle.protocol.programs.log import say, say_error
+from encircle.runner.hunts import Hunt, check_link, default_directory, resume, run
+from encircle.runner.launch import Patience, RunFailed
+from encircle.world.recording.resuming import read_last
+from encircle.world.recording.run_directory import RECORDING, SUMMARY
+from encircle.world.scenario.remarks import ScenarioRemark
+from encircle.world.scenario.scenario import Scenario, ScenarioError, load, shipped
+
+
+class Wish(NamedTuple):
+    """What was asked for. ``resume``: a run's directory, instead of scenario, changes and out."""
+
+    scenario: str
+    changes: Sequence[str]
+    out: Path | None
+    resume: Path | None
+    link: str
+    when_lost: str
+    patience: Patience
+
+
+def _hunt(wish: Wish, scenario: Scenario, directory: Path, display: Display) -> Hunt:
+    how: dict[str, Any] = {
+        "link": wish.link,
+        "progress": display.update,
+        "when_lost": wish.when_lost,
+        "patience": wish.patience,
+    }
+    if wish.resume is not None:
+        return resume(directory, **how)
+    with warnings.catch_warnings():
+        # They have been told in lines of their own.
+        warnings.simplefilter("ignore", ScenarioRemark)
+        return run(scenario, out=directory, **how)
+
+
+def _is_resumable(error: RunFailed | Interrupted, directory: Path) -> bool:
+    if isinstance(error, RunFailed):
+        return error.resumable
+    # In memory it was interrupted before its end, or after.
+    return (directory / RECORDING).exists() and not (directory / SUMMARY).exists()
+
+
+def _load(wish: Wish) -> Scenario:
+    try:
+        return load(wish.scenario, wish.changes)
+    except ScenarioError:
+        # Imported late: who asks for a scenario need not wait for studies.
+        from encircle.studies.plan_files import shipped_studies
+
+        if wish.scenario in shipped_studies() and wish.scenario not in shipped():
+            raise ScenarioError(
+                f"scenario {wish.scenario!r} is a study: encircle study {wish.scenario}"
+            ) from None
+        raise
+
+
+def show_transport(directory: Path) -> None:
+    """What the network did in a run by the clock, from its summary."""
+    summary = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
+    if "transport" in summary:
+        show(summary["transport"], Console(), SHOWN_MAX)
+
+
+def hunt_and_draw(wish: Wish, as_json: bool) -> None:
+    """Run or resume a hunt, draw it, and show what came of it; raises as ``encircle.run``."""
+    if wish.resume is None:
+        scenario = _load(wish)
+        directory = wish.out or default_directory(wish.scenario, scenario.seed)
+    else:
+        scenario, directory = read_last(wish.resume).scenario, wish.resume
+    check_link(scenario, wish.link)
+    for remark in scenario.remarks():
+        say_error(f"encircle: {remark}")
+    try:
+        with held(), Display(scenario, wish.link) as display:
+            hunt = _hunt(wish, scenario, directory, display)
+    except (RunFailed, Interrupted) as error:
+        if not _is_resumable(error, directory) or scenario.clock == "wall":
+            raise RunFailed(str(error)) from None
+        raise RunFailed(f"{error}; to go on: encircle run --resume {directory}") from None
+    figure = directory / "trajectory.png"
+    try:
+        with saying(f"; the run is over and recorded in {directory}, but not drawn"):
+            # Imported after the hunt: the robots need not wait for the plotting library.
+            from encircle.figures.figures import draw_run
+
+            draw_run(directory, figure)
+    except OSError as error:
+        raise RunFailed(f"cannot draw {figure}: {error.strerror}") from None
+    if as_json:
+        name = wish.scenario or scenario.title or str(directory)
+        say(json.dumps({**hunt.as_dict(name), "figure": str(figure)}))
+    else:
+        display.show_result(hunt, directory, figure)
+        if scenario.clock == "wall":
+            show_transport(directory)

@@ -1,0 +1,1 @@
+"""``encircle doctor``: what is wrong with this machine, a network, or a run."""

@@ -1,0 +1,248 @@
+"""What figures are drawn with: looks, frame, trails, bodies, legend entries.
+
+Bodies are drawn to scale. Colours are those of Okabe and Ito, which colour-blind readers can tell
+apart; robots differ in line style, marker and number too, so that nothing is lost in greyscale.
+Legends stand below the axes, where they cannot cover data, and name at most ``NAMED_MAX`` robots.
+"""
+
+from collections.abc import Sequence
+from io import BytesIO
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from encircle.protocol.messages import Point
+from encircle.runlog.ground_truth import Floats, Tracks
+
+NAMED_MAX = 8
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+LINES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (6, 2, 1, 2)), (0, (1.5, 1)), (0, (9, 3)), "--")
+MARKERS = ("o", "s", "^", "D", "v", "P")
+TARGET_LINE: dict[str, Any] = {"color": "black", "ls": "-", "lw": 1.6}
+RING_LINE: dict[str, Any] = {"color": "0.35", "ls": (0, (1, 1.5)), "lw": 1.2}
+STOP_LINE: dict[str, Any] = {"color": "black", "ls": "-", "lw": 0.6}
+SIGHT_LINE: dict[str, Any] = {"color": "black", "ls": (0, (8, 4)), "lw": 0.5}
+SIGHT_FILL: dict[str, Any] = {"facecolor": "#56B4E91C", "edgecolor": COLOURS[5], "lw": 0.5}
+TIME_MARK: dict[str, Any] = {"color": "black", "ls": "", "marker": ".", "ms": 4}
+SILENT_LINE: dict[str, Any] = {"color": "0.78", "ls": "-", "lw": 6.0, "solid_capstyle": "butt"}
+LOST_LINE: dict[str, Any] = {
+    "color": "0.45",
+    "ls": (0, (0.3, 0.3)),
+    "lw": 5.0,
+    "marker": "x",
+    "ms": 8,
+    "mec": "black",
+    "mew": 1.8,
+}
+CAPTOR_FILL: dict[str, Any] = {"facecolor": "0.85", "edgecolor": "black", "lw": 1.2}
+HAND_LINE: dict[str, Any] = {"color": "black", "ls": (0, (2, 2)), "lw": 0.9}
+OBSTACLE_FILL: dict[str, Any] = {
+    "facecolor": "0.75",
+    "edgecolor": "0.4",
+    "hatch": "////",
+    "lw": 0.6,
+}
+MARGIN_M = 2.0
+WIDTH_IN, HEIGHT_IN_MIN, HEIGHT_IN_MAX = 6.4, 3.2, 8.0
+LEGEND_ROW_IN = 0.2
+DOTS_PER_INCH = 200
+LABEL_TICKS, LABEL_PT = 5, 11.0
+NUMBER_PT_MIN = 5.0
+STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "legend.fontsize": 8.0,
+    "hatch.linewidth": 0.4,
+    "figure.constrained_layout.h_pad": 0.07,
+}
+
+
+def panels_figure(
+    tracks: Tracks, row: int, across: int, handles: Sequence[Artist]
+) -> tuple[Figure, list[Axes]]:
+    """A figure of ``across`` squared panels that show everything up to a row, legend below."""
+    shown = tracks.positions[: row + 1].reshape(-1, 2)
+    fixed = [(*o.position, o.radius_m) for o in tracks.scenario.obstacles]
+    corners = [(x + side * r, y + side * r) for x, y, r in fixed for side in (-1.0, 1.0)]
+    everything = np.vstack([shown, *corners])
+    low, high = everything.min(axis=0) - MARGIN_M, everything.max(axis=0) + MARGIN_M
+    width, height = (high - low).tolist()
+    # As many columns as fit: few entries are mostly long ones.
+    columns = 5 if len(handles) > 8 else 4 if len(handles) > 6 else 3
+    legend_in = LEGEND_ROW_IN * ceil(len(handles) / columns)
+    tall = min(max(WIDTH_IN * height / width, HEIGHT_IN_MIN), HEIGHT_IN_MAX) + legend_in
+    figure = Figure(figsize=(WIDTH_IN, tall), dpi=DOTS_PER_INCH, layout="constrained")
+    panels = figure.subplots(across, across, sharex=True, sharey=True, squeeze=False)
+    for axes in panels.flat:
+        set_ground(axes, tracks, low, high)
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+    return figure, list(panels.flat)
+
+
+def set_ground(axes: Axes, tracks: Tracks, low: Floats, high: Floats) -> None:
+    """The part of the plane from ``low`` to ``high`` (2,) in m, to one scale, with obstacles."""
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    axes.locator_params(nbins=6, steps=[1, 2, 5, 10])
+    axes.minorticks_on()
+    for obstacle in tracks.scenario.obstacles:
+        axes.add_patch(Circle(obstacle.position, obstacle.radius_m, **OBSTACLE_FILL))
+
+
+def body_handles(tracks: Tracks) -> list[Artist]:
+    """Legend entries of robots, target and obstacles; a large team has one for all."""
+    count = len(tracks.arena.ids)
+    target = Line2D([], [], **TARGET_LINE, marker="*", ms=8, mfc="white", label="target")
+    handles: list[Artist] = [
+        Line2D([], [], **_look(k, count), marker=_marker(k), mfc="white", ms=5, label=robot)
+        for k, robot in enumerate(tracks.arena.ids[: count if count <= NAMED_MAX else 1])
+    ]
+    if count > NAMED_MAX:
+        handles[0].set_label(f"{count} robots")
+    if tracks.scenario.obstacles:
+        handles.append(Patch(**OBSTACLE_FILL, label="obstacle"))
+    handles.append(target)
+    if tracks.moved_by_hand:
+        handles.append(
+            Line2D([], [], **HAND_LINE, marker=">", ms=4, markevery=(1, 1), label="moved by hand")
+        )
+    return handles
+
+
+def _look(robot: int, count: int) -> dict[str, Any]:
+    """Colour, dashes and width of a robot's line; thin and plain in a team too large to name."""
+    colour = COLOURS[robot % len(COLOURS)]
+    if count > NAMED_MAX:
+        return {"color": colour, "ls": "-", "lw": 0.6}
+    return {"color": colour, "ls": LINES[_second(robot)], "lw": 1.2}
+
+
+def _marker(robot: int) -> str:
+    return MARKERS[_second(robot)]
+
+
+def _second(robot: int) -> int:
+    """Robots of one colour differ in line and marker."""
+    return (robot + robot // len(COLOURS)) % len(MARKERS)
+
+
+def draw_trails(
+    axes: Axes, tracks: Tracks, row: int, marked: NDArray[np.bool_] | None = None
+) -> None:
+    """Where everyone has been up to a row, starts hollow; ``marked``: (T,) which rows get a dot."""
+    count = len(tracks.arena.ids)
+    start: dict[str, Any] = {
+        "mfc": "white",
+        "ms": 5.0 if count <= NAMED_MAX else 3.0,
+        "ls": "",
+        "zorder": 3,
+    }
+    for k in range(count):
+        look, places = _look(k, count), tracks.positions[: row + 1, k]
+        axes.plot(*places.T, **look, zorder=2)
+        if row > 0:
+            axes.plot(*places[0], marker=_marker(k), color=look["color"], **start)
+    cuts = [c for c in (tracks.row(t) for t in tracks.moved_by_hand) if c <= row]
+    for part in np.split(tracks.target[: row + 1], cuts):
+        axes.plot(*part.T, **TARGET_LINE, zorder=2)
+    for cut in cuts:
+        arrow = {**HAND_LINE, "arrowstyle": "->", "shrinkA": 0, "shrinkB": 4}
+        axes.annotate("", tracks.target[cut], tracks.target[cut - 1], arrowprops=arrow, zorder=4)
+    if row > 0:
+        axes.plot(*tracks.target[0], marker="*", color="black", **{**start, "ms": 8.0})
+    if marked is not None:
+        axes.plot(*tracks.positions[marked].reshape(-1, 2).T, **TIME_MARK, zorder=3)
+
+
+def draw_bodies(axes: Axes, tracks: Tracks, row: int, filled: Sequence[str] = ()) -> None:
+    """Bodies at a row as discs to scale, under the trails; D_stop about the target.
+
+    ``filled``: robots whose discs are not white.
+    """
+    scenario, target = tracks.scenario, tracks.target[row]
+    for k, (robot, place) in enumerate(zip(tracks.arena.ids, tracks.robots[row], strict=True)):
+        fill = CAPTOR_FILL["facecolor"] if robot in filled else "white"
+        look = {"fc": fill, "ec": COLOURS[k % len(COLOURS)], "lw": 1.2, "zorder": 1.5}
+        axes.add_patch(Circle(place, scenario.team.radius_m, **look))
+        inside = scenario.team.radius_m * points_per_m(axes) >= NUMBER_PT_MIN
+        if inside or len(tracks.arena.ids) <= NAMED_MAX:
+            _draw_number(axes, place, k + 1, place - target, scenario.team.radius_m)
+    axes.add_patch(Circle(target, scenario.target.radius_m, fc="0.6", ec="black", zorder=1.5))
+    axes.add_patch(Circle(target, scenario.capture.stop_distance_m, fill=False, **STOP_LINE))
+
+
+def _draw_number(axes: Axes, place: Floats, number: int, outward: Floats, radius_m: float) -> None:
+    """A robot's number in its disc, or beside a small disc, away from the crowd at the target."""
+    radius_pt = radius_m * points_per_m(axes)
+    inside = radius_pt >= NUMBER_PT_MIN
+    aside = (radius_pt + 5.0) * outward / max(float(np.hypot(*outward)), 1e-9)
+    at = (0.0, 0.0) if inside else aside.tolist()
+    note(axes, f"{number}", place.tolist(), at, 7.5 if inside else 7.0)
+
+
+def points_per_m(axes: Axes) -> float:
+    """How many points a metre has on paper; about that where the layout is not yet done."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    pixels = min(axes.bbox.width / (right - left), axes.bbox.height / (high - low))
+    return float(72.0 * pixels / axes.figure.dpi)
+
+
+def draw_start_labels(axes: Axes, tracks: Tracks) -> None:
+    """S1.. and ST beside the starts, on the side that the trail does not leave by."""
+    names = [*(f"{k + 1}" for k in range(len(tracks.arena.ids))), "T"]
+    left = tracks.positions[tracks.row(LABEL_TICKS)] - tracks.positions[0]
+    for name, place, (dx, dy) in zip(names, tracks.positions[0].tolist(), left, strict=True):
+        far = max(float(np.hypot(dx, dy)), 1e-9)
+        offset = (-LABEL_PT * float(dx) / far, -LABEL_PT * float(dy) / far)
+        note(axes, f"$S_{{{name}}}$", place, offset, 9.0)
+
+
+def note(
+    axes: Axes,
+    text: str,
+    place: Point,
+    offset_pt: tuple[float, float],
+    size_pt: float,
+    colour: str = "black",
+) -> None:
+    """A short text at an offset from a place in data units, legible on whatever is under it."""
+    axes.annotate(
+        text,
+        place,
+        offset_pt,
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=size_pt,
+        color=colour,
+        zorder=7,
+        path_effects=[withStroke(linewidth=1.5, foreground="white")],
+    )
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure as a PNG."""
+    FigureCanvasAgg(figure)
+    # Written in one go: a figure that Ctrl-C cuts off is not there at all.
+    made = BytesIO()
+    figure.savefig(made, format="png")
+    path.write_bytes(made.getvalue())
+    return path
+
+
+def draw_sensing(axes: Axes, tracks: Tracks, row: int) -> None:
+    """Sensing ranges at a row: the robots' filled, the target's as an outline."""
+    for place in tracks.robots[row].tolist():
+        axes.add_patch(Circle(place, tracks.scenario.team.sensing_range_m, **SIGHT_FILL, zorder=0))
+    reach_m = tracks.scenario.target.sensing_range_m
+    axes.add_patch(Circle(tracks.target[row], reach_m, fill=False, **SIGHT_LINE, zorder=1))

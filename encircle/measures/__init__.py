@@ -1,0 +1,1 @@
+"""Numbers that say how a hunt went, a module for each subject."""

@@ -1,0 +1,1 @@
+"""Networks as they were measured: transport reports, traces, certificates."""

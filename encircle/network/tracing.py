@@ -1,0 +1,128 @@
+"""A recorded run by the clock as a trace: what a real network did, for the channel to replay.
+
+One row per packet and directed link, in the order of sending, with the columns that
+``encircle.world.scenario.trace_files`` reads. Only the network's own doing is in it: what the
+modelled radio injected is not. Where robots did not hear each other but spoke through the world, a
+packet's way is the leg to the world and that of the next observation, without the wait for the tick
+in between.
+"""
+
+import csv
+import io
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+from encircle.network.transport import traffic_of
+from encircle.protocol.programs.interrupts import check, held
+from encircle.world.network.transport import delay_refusal, offsets_of, unsteady, ways_of
+from encircle.world.recording.recording import Recording
+from encircle.world.recording.run_directory import RunDirectoryError
+from encircle.world.scenario.channel_consistency import TRACE_ROWS_MAX
+
+COLUMNS = ("sender", "receiver", "lost", "delay_s")
+SUFFIXES = (".csv", ".parquet")
+DIGITS = 6
+
+
+class TraceFileError(RunDirectoryError):
+    """The trace cannot be written; the message says which and why."""
+
+
+class Row(NamedTuple):
+    """One packet. ``delay_s`` is None where it was lost."""
+
+    sender: str
+    receiver: str
+    lost: int
+    delay_s: float | None
+
+
+class NetworkTrace(NamedTuple):
+    """A run's packets.
+
+    ``delays_refused``: why delays are left out, None if they are not; ``left_out``: how many
+    packets at the end there was no room for.
+    """
+
+    rows: list[Row]
+    delays_refused: str | None
+    left_out: int
+
+
+def trace_of(recording: Recording) -> NetworkTrace:
+    """The trace of a recorded run; ``RecordingError`` if it was not one by the clock."""
+    traffic = traffic_of(recording)
+    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
+    pairs = [(s, r) for s in traffic.robots for r in traffic.robots if s != r]
+    room = TRACE_ROWS_MAX // max(1, len(pairs))
+    rows: list[Row] = []
+    refused, left_out = None, 0
+    for sender, receiver in pairs:
+        ways = ways_of(traffic, sender, receiver, offsets)
+        known = [way for way in ways if way.delay_us is not None]
+        if any(not way.lost for way in ways) and refused is None:
+            error_us = median([way.error_us for way in known]) if known else None
+            refused = delay_refusal(error_us, traffic.tick_s)
+            refused = refused or unsteady(sender, offsets) or unsteady(receiver, offsets)
+            refused = refused and f"{sender} to {receiver}: {refused}"
+        # A packet that did not reach the world as well has no known time of sending.
+        usual_us = median([way.delay_us or 0.0 for way in known]) if known else 0.0
+        left_out += max(0, len(ways) - room)
+        for _, lost, delay_us, _ in ways[:room]:
+            # An unsharp clock may show an arrival before the sending.
+            delay_s = max(0.0, usual_us if delay_us is None else delay_us) / 1e6
+            rows.append(Row(sender, receiver, int(lost), None if lost else round(delay_s, DIGITS)))
+    return NetworkTrace(rows, refused, left_out)
+
+
+def check_target(path: Path) -> None:
+    """``TraceFileError`` if nothing can be written there, before anything is read."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise TraceFileError(f"{path}: a trace's name must end in {' or '.join(SUFFIXES)}")
+    if path.exists():
+        raise TraceFileError(f"{path} exists: choose another --out, nothing was changed")
+
+
+def write_trace(trace: NetworkTrace, path: Path) -> None:
+    """Write a trace to a new file; ``TraceFileError`` if that is not possible."""
+    check_target(path)
+    if not trace.rows:
+        raise TraceFileError(f"{path}: the run has no packet that could have been heard")
+    names = COLUMNS if trace.delays_refused is None else COLUMNS[:3]
+    made = (
+        _as_csv(trace, names) if path.suffix.lower() == ".csv" else _as_parquet(trace, names, path)
+    )
+    try:
+        with held(), open(path, "xb") as file:
+            try:
+                file.write(made)
+                file.flush()
+                check()
+            except BaseException:
+                # What is left would keep the next attempt from its place.
+                path.unlink()
+                raise
+    except OSError as error:
+        raise TraceFileError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def _as_csv(trace: NetworkTrace, names: tuple[str, ...]) -> bytes:
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(names)
+    writer.writerows(row[: len(names)] for row in trace.rows)
+    return text.getvalue().encode()
+
+
+def _as_parquet(trace: NetworkTrace, names: tuple[str, ...], path: Path) -> bytes:
+    try:
+        from pyarrow import parquet, table
+    except ImportError:
+        raise TraceFileError(
+            f"{path}: writing Parquet needs pyarrow (pip install 'encircle[studies]'), CSV does not"
+        ) from None
+    columns = dict(zip(COLUMNS, map(list, zip(*trace.rows, strict=True)), strict=True))
+    made = io.BytesIO()
+    parquet.write_table(table({name: columns[name] for name in names}), made)
+    return made.getvalue()

@@ -1,0 +1,1 @@
+"""The paper's simulations, and what it claims of them."""

@@ -1,0 +1,300 @@
+"""The paper's five simulations: run, drawn, and compared with what the paper says of them.
+
+Simulations 1 to 3 are single runs, judged in ``encircle.paper.claims``. For simulation 4 the rate
+of capture is measured too, and for simulation 5 execution times over many paired runs
+(``encircle.paper.execution_times``).
+"""
+
+import json
+import textwrap
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from encircle.cli.progress import Tell, no_progress
+from encircle.figures.figures import TimeCurve, draw_execution_times, draw_trajectories
+from encircle.paper.claims import (
+    Finding,
+    Holds,
+    Simulation,
+    fact,
+    recorded,
+    simulation_1,
+    simulation_2,
+    simulation_3,
+    solid_finding,
+)
+from encircle.paper.execution_times import (
+    HELD_M,
+    JITTER_M,
+    NOISE_M_STD,
+    POLICIES,
+    SLOW_STEP_M,
+    STAR,
+    X_OF_R3_M,
+    Estimate,
+    ExecutionTimes,
+    captures,
+    execution_times,
+    numbers,
+    rate,
+)
+from encircle.protocol.programs.interrupts import check, held
+from encircle.replay.replaying import Recording
+from encircle.runlog.ground_truth import Tracks
+from encircle.runner.whole_directory import emptied_if_left
+from encircle.statistics.comparisons import Decision, rate_difference
+from encircle.world.recording.run_directory import create, versions
+
+RANDOM_STARTS = 200
+COLUMNS = 98
+CLAIMED = {
+    Decision.HIGHER: Holds.YES,
+    Decision.LOWER: Holds.NO,
+    Decision.UNDECIDED: Holds.UNDECIDED,
+}
+MARKS = {Holds.YES: "yes", Holds.NO: "NO", Holds.UNDECIDED: "undecided", Holds.NO_CLAIM: ""}
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What ``encircle reproduce`` found."""
+
+    out: Path
+    seeds: int
+    wall_s: float
+    simulations: tuple[Simulation, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report for JSON: every number that the text gives, and those behind it."""
+        return {
+            "out": str(self.out),
+            "seeds": self.seeds,
+            "wall_s": self.wall_s,
+            "versions": versions(),
+            "simulations": {
+                s.name: {
+                    "paper": s.paper,
+                    "figure": str(s.figure),
+                    "findings": [{"holds": f.holds, "text": f.text} for f in s.findings],
+                    **s.facts,
+                }
+                for s in self.simulations
+            },
+        }
+
+    def text(self) -> str:
+        """The report for a terminal, at most 100 columns wide."""
+        lines = [
+            f"The paper's simulations 1 to 5; {self.seeds} paired seeds in 5 ({self.wall_s:.0f} s)",
+            "yes: as the paper says; NO: not so here; undecided: these runs do not tell it.",
+            "Without a mark: measured beside it. What is said of many runs goes by 95 % intervals.",
+            "Starts, obstacles and the target's behaviour are not in the paper; they are ours.",
+        ]
+        for simulation in self.simulations:
+            lines += ["", f"{simulation.facts['title']}  ({simulation.figure.name})"]
+            lines += _wrapped(f"{'paper':>9} ", simulation.paper)
+            for finding in simulation.findings:
+                lines += _wrapped(f"{MARKS[finding.holds]:>9} ", finding.text)
+            lines += [f"  {line}" for line in simulation.table]
+        return "\n".join(lines)
+
+
+def reproduce(
+    out: Path,
+    seeds: int,
+    *,
+    random_starts: int = RANDOM_STARTS,
+    x_m: Sequence[float] = X_OF_R3_M,
+    progress: Callable[[str], AbstractContextManager[Tell]] = lambda _name: nullcontext(
+        no_progress
+    ),
+) -> Report:
+    """Run the paper's simulations into ``out``, new or empty; ``RunDirectoryError`` if it is not.
+
+    ``seeds``: paired runs for each start of R3 and policy in simulation 5, at least 2;
+    ``random_starts``: runs behind each rate of simulation 4; ``x_m``: R3's starts in simulation 5;
+    ``progress`` is entered for each simulation by its name, and told of its runs. Starts processes:
+    a script calls it under ``if __name__ == "__main__"``. If it is left before its end, nothing of
+    it is left in ``out``; ``Interrupted`` after Ctrl-C.
+    """
+    assert seeds >= 2, f"{seeds} seeds give no interval"
+    begun = time.perf_counter()
+    with held(), emptied_if_left(create(out)):
+        simulations = []
+        for number, judge in enumerate((simulation_1, simulation_2, simulation_3), start=1):
+            with progress(f"simulation {number}"):
+                simulations.append(judge(out, *recorded(out, f"sim{number}")))
+            check()
+        with progress("simulation 4") as tell:
+            simulations.append(_simulation_4(out, *recorded(out, "sim4"), random_starts, tell))
+        with progress("simulation 5") as tell:
+            simulations.append(_simulation_5(out, *recorded(out, "sim5")[1:], x_m, seeds, tell))
+        report = Report(out, seeds, time.perf_counter() - begun, tuple(simulations))
+        (out / "report.txt").write_text(report.text() + "\n", encoding="utf-8")
+        as_json = json.dumps(report.as_dict(), indent=2, allow_nan=False)
+        (out / "report.json").write_text(as_json + "\n", encoding="utf-8")
+    return report
+
+
+def _simulation_4(
+    out: Path, recording: Recording, tracks: Tracks, facts: dict[str, Any], runs: int, tell: Tell
+) -> Simulation:
+    captured = captures(runs, tell)
+    rates = {name: rate(flags) for name, flags in captured.items()}
+    slower = rate_difference(captured["fast"], captured["slow"])
+    facts["capture_rates"] = {name: found._asdict() for name, found in rates.items()}
+    facts["slow_minus_fast"] = {**slower.mean._asdict(), "p": slower.p}
+    target, team = tracks.scenario.target, tracks.scenario.team
+    faster = 100.0 * (target.step_m_max / team.step_m_max - 1.0)
+    fast, slow, near = rates["fast"], rates["slow"], rates["near"]
+    low_m, high_m = team.placement.distance_m_min, team.placement.distance_m_max
+    findings = (
+        Finding(
+            fact(tracks.captured),
+            f"target {faster:.0f} % faster than the robots, from one chosen start:"
+            f" {tracks.outcome}",
+        ),
+        Finding(
+            Holds.NO_CLAIM,
+            f"from that start, every robot moved by up to {JITTER_M} m per axis: captured (within"
+            f" {tracks.scenario.ticks_max} ticks) {near}",
+        ),
+        Finding(
+            Holds.NO_CLAIM,
+            f"from random starts {low_m:g} to {high_m:g} m away: captured {fast}"
+            + ("; most fail, so that success hangs on the start" if fast.high < 0.5 else ""),
+        ),
+        Finding(
+            CLAIMED[slower.decision_alone],
+            "the faster the target, the likelier it escapes: from the same random starts at a step"
+            f" of {SLOW_STEP_M} m captured {slow}; {slower.mean.signed(100.0)} points, by start",
+        ),
+        solid_finding(facts),
+    )
+    paper = (
+        "With a target 30 percent faster the task is completed smoothly; the higher its speed, the"
+        " larger the possibility of its being out of the encirclement (Fig. 6)."
+    )
+    return Simulation(
+        "sim4", paper, draw_trajectories(recording, out / "fig6.png"), findings, facts
+    )
+
+
+def _simulation_5(
+    out: Path, tracks: Tracks, facts: dict[str, Any], x_m: Sequence[float], seeds: int, tell: Tell
+) -> Simulation:
+    times, exact = execution_times(x_m, seeds, tell)
+    curves = [
+        TimeCurve(
+            label,
+            times.x_m,
+            np.array([times.typical(k, policy) for k in range(len(x_m))]),
+            np.array([times.mean(k, policy) for k in range(len(x_m))]),
+            tuple(times.missed[:, policy].tolist()),
+        )
+        for policy, label in enumerate(POLICIES.values())
+    ]
+    facts["execution_times"] = numbers(times, exact)
+    findings = (
+        Finding(fact(bool(times.captured.all())), _fulfilled(times)),
+        *_fastest(times, exact),
+        Finding(Holds.NO_CLAIM, f"the scenario as shipped, xi*: {tracks.outcome}"),
+        solid_finding(facts),
+    )
+    paper = (
+        "In the environment of simulation 1 with R3 at different initial x, all four approaches"
+        " fulfil the task, and the proposed one (xi*) achieves a shorter execution time (Fig. 7)."
+    )
+    figure = draw_execution_times(curves, out / "fig7.png")
+    return Simulation("sim5", paper, figure, findings, facts, _table(times))
+
+
+def _fulfilled(times: ExecutionTimes) -> str:
+    runs = times.captured.shape[0] * times.captured.shape[2]
+    counts = times.captured.sum(axis=(0, 2)).tolist()
+    each = ", ".join(f"{label} {n}" for label, n in zip(POLICIES.values(), counts, strict=True))
+    missed = int((~times.captured).sum())
+    held = f"; of {missed} without capture {times.held} end with the target surrounded"
+    return (
+        f"all fulfil the task: captures within {times.ticks_max} ticks in {runs} runs each (starts"
+        f" moved by up to {JITTER_M} m per axis, detection noise {NOISE_M_STD} m, both paired):"
+        f" {each}" + (held + f", all robots within {HELD_M} m" if missed else "")
+    )
+
+
+def _fastest(times: ExecutionTimes, exact: ExecutionTimes) -> list[Finding]:
+    """Whether xi* is fastest: in all, against each other policy, and in single exact runs."""
+    others = [(policy, label) for policy, label in enumerate(POLICIES.values()) if policy != STAR]
+    typical = [times.difference(policy) for policy, _ in others]
+    mean = [times.difference_mean(policy) for policy, _ in others]
+    details = []
+    for (policy, label), usual, whole in zip(others, typical, mean, strict=True):
+        earlier, later, level = times.order(policy)
+        details.append(
+            Finding(
+                Holds.NO_CLAIM,
+                f"{label} minus xi*, in ticks: typical {usual:+}, mean {whole:+};"
+                f" xi* is earlier in {earlier} pairs, later in {later}, level in {level}",
+            )
+        )
+    ticks = exact.ticks[:, :, 0]
+    best = ticks == ticks.min(axis=1)[:, None]
+    alone = best[:, STAR] & (best.sum(axis=1) == 1)
+    return [
+        _shorter("typical", times.overall(STAR).mean, typical),
+        _shorter("mean", times.overall_mean(STAR).mean, mean),
+        *details,
+        Finding(
+            Holds.NO_CLAIM,
+            "one run per start without noise, as in Fig. 7: xi* is fastest at"
+            f" {best[:, STAR].sum()} of {len(ticks)} starts, alone at {alone.sum()};"
+            f" {(~exact.captured).sum()} of {exact.captured.size} runs do not capture",
+        ),
+    ]
+
+
+def _shorter(name: str, star_ticks: float, differences: Sequence[Estimate]) -> Finding:
+    """Whether every other policy takes longer than xi*, by one kind of execution time."""
+    longer, shorter = (
+        sum(d.low > 0.0 for d in differences),
+        sum(d.high < 0.0 for d in differences),
+    )
+    sizes = ", ".join(f"{100.0 * d.mean / star_ticks:+.1f} %" for d in differences)
+    holds = fact(not shorter) if shorter or longer == len(differences) else Holds.UNDECIDED
+    return Finding(
+        holds,
+        f"by the {name} execution time xi* is decidedly shorter than {longer} of the"
+        f" {len(differences)} others and longer than {shorter}, by intervals of 95 % for all three"
+        f" together; they differ from its {star_ticks:.1f} ticks by {sizes}",
+    )
+
+
+def _table(times: ExecutionTimes) -> tuple[str, ...]:
+    """Execution times as lines of text."""
+    places, policies = range(len(times.x_m)), range(len(POLICIES))
+    rows = [("x (m)", list(POLICIES.values()))]
+    for place in places:
+        cells = [f"{times.typical(place, policy)}" for policy in policies]
+        missed = times.missed[place].tolist()
+        marks = [f" ({n})" if n else "" for n in missed]
+        rows.append((f"{times.x_m[place]:.1f}", [c + m for c, m in zip(cells, marks, strict=True)]))
+    rows.append(("all", [f"{times.overall(policy)}" for policy in policies]))
+    rows.append(("mean", [f"{times.overall_mean(policy)}" for policy in policies]))
+    lines = [f"{lead:>6}  " + "".join(f"{c:<22}" for c in cells).rstrip() for lead, cells in rows]
+    return (
+        "Typical execution time in ticks (mean of the middle half) [95 %];",
+        f"(n): n runs without capture in {times.ticks_max} ticks; mean: these counted as"
+        f" {times.ticks_max}, a lower bound.",
+        "Intervals of means allow for runs without capture that the seeds do not show.",
+        *lines,
+    )
+
+
+def _wrapped(lead: str, text: str) -> list[str]:
+    return textwrap.wrap(text, COLUMNS, initial_indent=lead, subsequent_indent=" " * len(lead))

@@ -1,0 +1,1 @@
+"""Recordings fed to fresh brains, and compared."""

@@ -1,0 +1,185 @@
+"""Replay of runs by the clock: what each robot had when it decided, put together again.
+
+Lock-step needs the observations alone. Here a robot answers the newest one that it has, and hears
+its peers itself; but its commands say in which order it has heard packets, passed over observations
+and answered them (``encircle.protocol.real_time``), and the world has recorded observations and
+packets. Fresh robots are given the same, by the tick and not by the clock, and must decide the
+same.
+
+What cannot be put together is not guessed. If a robot has heard a packet that the world has not, it
+is not checked from there on until it joins again, and the check says so; nor are its last commands,
+if none that came tells of their observations. The order to stand still that a robot gives when no
+observation comes is a matter of the clock, and not checked.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+
+from encircle.agents.brain.real_time_core import RealTimeCore
+from encircle.agents.brain.robot_core import RobotCore
+from encircle.protocol.codec import decode
+from encircle.protocol.keys import robot_key
+from encircle.protocol.messages import Command, Pose
+from encircle.protocol.real_time import ANSWERED, PASSED_OVER, STOPPED
+from encircle.replay.replaying import ReplayCheck, raise_failure
+from encircle.world.recording.recording import Recording, decoded
+
+Packets = dict[tuple[str, int], bytes]
+
+
+@dataclass(slots=True)
+class _Part:
+    """One robot's part of a recording, by tick."""
+
+    setups: dict[int, bytes] = field(default_factory=dict)
+    observations: dict[int, bytes] = field(default_factory=dict)
+    commands: dict[int, Command] = field(default_factory=dict)
+    poses: dict[int, Pose] = field(default_factory=dict)
+
+
+class _Unknown(Exception):
+    """What a robot had cannot be put together; the message says why."""
+
+
+def replay_by_clock(recording: Recording) -> ReplayCheck:
+    """As ``encircle.replay.replaying.replay``, for a run by the clock."""
+    parts, packets, foreign = _parts_of(recording)
+    differences, unchecked, compared = foreign, [], 0
+    for robot, part in parts.items():
+        check = _Check(robot, part, recording.run, packets)
+        check.run_all()
+        differences += check.differences
+        unchecked += check.unchecked
+        compared += check.compared
+    last = max((tick for tick, _, _ in recording.messages), default=0)
+    return ReplayCheck(
+        last,
+        len(parts),
+        compared,
+        tuple(sorted(differences)),
+        recording.complete,
+        tuple(unchecked),
+    )
+
+
+def _parts_of(
+    recording: Recording,
+) -> tuple[dict[str, _Part], Packets, list[tuple[int, str, str]]]:
+    """Each robot's part, all packets, and what is from nobody of the team."""
+    parts = {robot: _Part() for robot in recording.scenario.ids}
+    packets: Packets = {}
+    foreign = []
+    for tick, topic, payload in recording.messages:
+        robot, channel = topic.split("/")[-2:]
+        if channel not in ("setup", "observation", "pose", "command"):
+            continue
+        if robot not in parts:
+            foreign.append((tick, robot, channel))
+        elif channel == "setup":
+            parts[robot].setups[tick] = payload
+        elif channel == "observation":
+            parts[robot].observations[tick] = payload
+        elif channel == "pose":
+            pose = decoded(Pose, recording, tick, payload)
+            parts[robot].poses[tick] = pose
+            packets[robot, pose.sequence] = payload
+        else:
+            command = decoded(Command, recording, tick, payload)
+            if command.mode != STOPPED:
+                parts[robot].commands[tick] = command
+    return parts, packets, foreign
+
+
+class _Check:
+    """One robot, told again what it was told."""
+
+    def __init__(self, robot: str, part: _Part, run: str, packets: Packets) -> None:
+        self.differences: list[tuple[int, str, str]] = []
+        self.unchecked: list[str] = []
+        self.compared = 0
+        self._robot, self._part, self._run, self._packets = robot, part, run, packets
+
+    def run_all(self) -> None:
+        """Check every stay of the robot in the run."""
+        part = self._part
+        begins = sorted(part.setups)
+        by_stay: dict[int, list[int]] = defaultdict(list)
+        for tick in sorted(part.commands):
+            begun = max((first for first in begins if first <= tick), default=None)
+            if begun is None:
+                self.differences.append((tick, self._robot, "command"))
+            else:
+                by_stay[begun].append(tick)
+        for first, ticks in by_stay.items():
+            try:
+                self._stay(first, ticks)
+            except _Unknown as reason:
+                self.unchecked.append(f"{self._robot}: {reason}")
+
+    def _stay(self, first: int, ticks: list[int]) -> None:
+        core = RobotCore(self._robot, self._run)
+        core.receive(robot_key(self._run, self._robot, "setup"), self._part.setups[first])
+        if core.setup is None:
+            self.differences.append((first, self._robot, "setup"))
+            return
+        robot = RealTimeCore(core)
+        for sender, number, came_us in self._heard(ticks):
+            if sender not in (ANSWERED, PASSED_OVER):
+                self._hear(robot, sender, number, came_us)
+                continue
+            self._observe(robot, number)
+            if sender == ANSWERED:
+                self._decide(robot, number)
+                ticks = [tick for tick in ticks if tick != number]
+        if ticks:
+            raise _Unknown(
+                f"what it had at tick {ticks[0]} is not recorded; not checked from there"
+            )
+
+    def _heard(self, ticks: list[int]) -> list[tuple[str, int, int]]:
+        """What the robot has heard, in that order, by its commands of these ticks."""
+        heard: dict[tuple[str, int], int] = {}
+        for tick in ticks:
+            timing = self._part.commands[tick].timing
+            for sender, number, came_us in timing[2] if timing else ():
+                heard.setdefault((sender, number), came_us)
+        return [(sender, number, us) for (sender, number), us in heard.items()]
+
+    def _observe(self, robot: RealTimeCore, tick: int) -> None:
+        observation = self._part.observations.get(tick)
+        if observation is None:
+            raise _Unknown(f"the observation of tick {tick} is not recorded")
+        robot.take(0, robot_key(self._run, self._robot, "observation"), observation)
+
+    def _hear(self, robot: RealTimeCore, sender: str, number: int, came_us: int) -> None:
+        packet = self._packets.get((sender, number))
+        if packet is None:
+            raise _Unknown(
+                f"packet {number} of {sender}, which it heard, did not reach the world;"
+                " not checked from there"
+            )
+        robot.take(came_us, robot_key(self._run, sender, "pose"), packet)
+
+    def _decide(self, robot: RealTimeCore, tick: int) -> None:
+        action = robot.decide()
+        raise_failure(robot.core)
+        if action is None:
+            self.differences.append((tick, self._robot, "command"))
+            return
+        said = {key.rsplit("/", 1)[1]: payload for key, payload in robot.said(action, 0)}
+        mine, theirs = decode(Command, said["command"], self._run), self._part.commands.get(tick)
+        # One that is not recorded was lost on its way to the world.
+        if theirs is not None:
+            self.compared += 1
+            if _without_clock(mine) != _without_clock(theirs):
+                self.differences.append((tick, self._robot, "command"))
+        recorded = self._part.poses.get(tick)
+        if recorded is not None:
+            self.compared += 1
+            pose = decode(Pose, said["pose"], self._run) if "pose" in said else None
+            if pose is None or replace(pose, sent_us=None) != replace(recorded, sent_us=None):
+                self.differences.append((tick, self._robot, "pose"))
+
+
+def _without_clock(command: Command) -> Command:
+    return replace(command, refused={}, timing=None)

@@ -1,0 +1,289 @@
+"""A run as arrays: the truth at every tick, what each robot believed and chose, each packet's fate.
+
+Measures (``encircle.measures.registry``) are functions of this and of nothing else. A log of T
+rounds holds T + 1 ticks of truth and T rounds of decisions: round t is what the robots decide at
+tick t, on what they have seen and heard by then, and it leads to the truth at tick t + 1.
+
+There are two ways to a log, and both give the same arrays. A ``Collector`` looks on at a hunt in
+memory; it only keeps references to what the hunt makes anyway, and arrays are made once, at the
+end. ``RunLog.of_recording`` takes a recording, of a hunt over whatever link; one that was cut off
+gives the log of its whole rounds.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from encircle.agents.brain.robot_core import RobotCore
+from encircle.agents.estimation.kalman import Estimate
+from encircle.agents.teamwork.peers import PeerTable, team_of, without
+from encircle.protocol.messages import Command, Point
+from encircle.protocol.parameters import Parameters
+from encircle.replay.replaying import Recording
+from encircle.runner.memory import Answer, little_garbage
+from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.scenario.scenario import MoveTarget, Scenario
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+NAN = float("nan")
+NOWHERE = (NAN, NAN)
+UNKNOWN = (NAN,) * 7
+LOST = "lost"
+"""In place of a lost robot's mode."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunLog:
+    """All that measures need of one run of T rounds with N robots; lengths in m, robot order.
+
+    ``positions``: (T + 1, N + 1, 2) of the robots, then the target. ``contacts``: (C, 3) rows
+    ``tick, body, other`` of bodies whose motion was cut short by touching since the tick before;
+    bodies count robots, target, obstacles. ``steps``: (T, N, 2) as commanded. ``modes``: (T, N).
+    ``xi``: (T, N), NaN without one. ``points``: (T, N) number of the encirclement point, -1 without
+    one. ``goals``: (T, N, 2), NaN without one. ``estimates``: (T, N, 4) ``x, y, vx, vy`` in m and
+    m/s, and ``covariances``: (T, N, 3) ``p00, p01, p11`` of each axis, NaN while nothing is known.
+    ``believed``: (T, N, N, 2) where [t, i] takes the members of its team to be, itself included,
+    NaN for those it leaves out. ``due`` and ``copies``: (T, N, N) fates as in
+    ``encircle.protocol.messages.Radio``, copies 0 where there are none. ``sizes_bytes``: (T, N) of
+    the pose packets without the run's name, whose length is no property of the run; 0 where none
+    was sent. ``there``: (T, N) whether the robot took part in the round. One that was lost has a
+    step of zero, the mode ``lost``, and else what a robot has that knows and says nothing.
+    ``ended``: the reason that the world gave, None if the recording does not reach the end.
+    """
+
+    scenario: Scenario
+    seed: int
+    captured: bool
+    ended: str | None
+    positions: Floats
+    contacts: Integers
+    steps: Floats
+    modes: NDArray[np.str_]
+    xi: Floats
+    points: Integers
+    goals: Floats
+    estimates: Floats
+    covariances: Floats
+    believed: Floats
+    due: Integers
+    copies: Integers
+    sizes_bytes: Integers
+    there: NDArray[np.bool_]
+    worked_out: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
+    """What several measures share, by name; see ``encircle.measures.common.once``."""
+
+    @classmethod
+    def of_recording(cls, recording: Recording) -> "RunLog":
+        """The log of a recorded run; raises as ``of_messages``."""
+        return cls.of_messages(
+            recording.scenario, recording.seed, recording.run, recording.messages
+        )
+
+    @classmethod
+    def of_messages(
+        cls, scenario: Scenario, seed: int, run: str, messages: Iterable[tuple[int, str, bytes]]
+    ) -> "RunLog":
+        """The log of a run from its messages ``(tick, topic, payload)``, in their order.
+
+        Raises ``RecordingError`` for messages that cannot be read, and if this program's robots
+        would not have sent the recorded commands: what the real ones believed is then unknown.
+        """
+        from encircle.runlog.recorded_log import log_of_messages
+
+        return log_of_messages(scenario, seed, run, messages)
+
+    @property
+    def ticks(self) -> int:
+        """T, the number of rounds, which is the last tick."""
+        return len(self.positions) - 1
+
+    @property
+    def count(self) -> int:
+        """N, the number of robots."""
+        return len(self.scenario.ids)
+
+    @property
+    def robots(self) -> Floats:
+        """(T + 1, N, 2) positions of the robots."""
+        return self.positions[:, :-1]
+
+    @property
+    def target(self) -> Floats:
+        """(T + 1, 2) positions of the target."""
+        return self.positions[:, -1]
+
+    @property
+    def members(self) -> NDArray[np.bool_]:
+        """(T, N, N) whether column robot is in the team that row robot plans with."""
+        return ~np.isnan(self.believed[..., 0])
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """The robots' parameters."""
+        return Parameters.from_mapping(self.scenario.parameters)
+
+    @property
+    def moved_by_hand(self) -> tuple[int, ...]:
+        """Ticks at which the target was found somewhere else, moved by hand."""
+        moves = {e.tick for e in self.scenario.events if isinstance(e, MoveTarget)}
+        return tuple(sorted(tick for tick in moves if tick <= self.ticks))
+
+
+class Belief(NamedTuple):
+    """What one robot believes at a tick: of itself, of peers that are not lost, of the target."""
+
+    position: Point
+    peers: PeerTable
+    estimate: Estimate | None
+
+
+def belief_of(core: RobotCore) -> Belief:
+    """What a robot that has decided at least once believes now."""
+    state = core.state
+    assert state is not None, "no setup yet"
+    assert state.position is not None, "no decision yet"
+    # Not the whole state: its track holds a window of estimates.
+    return Belief(state.position, without(state.peers, state.lost), state.track.estimate)
+
+
+@dataclass(slots=True)
+class Rounds:
+    """A run as it comes in, tick by tick and robot by robot; ``log_of`` makes arrays of it.
+
+    ``positions``: T + 1 arrays (N + 1 or more, 2); ``due`` and ``copies``: T arrays (N, N), or None
+    without copies; ``commands``, ``sizes_bytes`` and ``beliefs``: T times N, None and 0 of a robot
+    that is lost.
+    """
+
+    positions: list[Floats] = field(default_factory=list)
+    contacts: list[tuple[int, int, int]] = field(default_factory=list)
+    commands: list[Command | None] = field(default_factory=list)
+    sizes_bytes: list[int] = field(default_factory=list)
+    beliefs: list[Belief | None] = field(default_factory=list)
+    due: list[Integers] = field(default_factory=list)
+    copies: list[Integers | None] = field(default_factory=list)
+
+    def lose(self) -> None:
+        """The next robot in turn is lost: it believes, says and commands nothing."""
+        self.commands.append(None)
+        self.beliefs.append(None)
+        self.sizes_bytes.append(0)
+
+
+def log_of(
+    rounds: Rounds, scenario: Scenario, seed: int, captured: bool, ended: str | None
+) -> RunLog:
+    """The log of a run from its rounds."""
+    count, ticks = len(scenario.ids), len(rounds.due)
+    commands = rounds.commands
+    estimates = _table(
+        [
+            (*b.estimate[:4], *b.estimate[4]) if b is not None and b.estimate else UNKNOWN
+            for b in rounds.beliefs
+        ],
+        (ticks, count, 7),
+    )
+    parameters = Parameters.from_mapping(scenario.parameters)
+    none = np.zeros((count, count), np.int64)
+    copies = [none if table is None else table for table in rounds.copies]
+    points = [-1 if c is None or c.point is None else c.point for c in commands]
+    by_robot, by_link = (ticks, count), (ticks, count, count)
+    return RunLog(
+        scenario=scenario,
+        seed=seed,
+        captured=captured,
+        ended=ended,
+        positions=np.array(rounds.positions)[:, : count + 1],
+        contacts=np.array(rounds.contacts, np.int64).reshape(-1, 3),
+        steps=_table([(0.0, 0.0) if c is None else c.step for c in commands], (*by_robot, 2)),
+        modes=np.array([LOST if c is None else c.mode for c in commands], np.str_).reshape(
+            by_robot
+        ),
+        xi=np.array([NAN if c is None or c.xi is None else c.xi for c in commands]).reshape(
+            by_robot
+        ),
+        points=np.array(points, np.int64).reshape(by_robot),
+        goals=_table([(c and c.goal) or NOWHERE for c in commands], (*by_robot, 2)),
+        estimates=estimates[..., :4],
+        covariances=estimates[..., 4:],
+        believed=_table(_believed(rounds.beliefs, count, parameters), (*by_link, 2)),
+        due=np.array(rounds.due, np.int64).reshape(by_link),
+        copies=np.array(copies, np.int64).reshape(by_link),
+        sizes_bytes=np.array(rounds.sizes_bytes, np.int64).reshape(by_robot),
+        there=np.array([c is not None for c in commands], np.bool_).reshape(by_robot),
+    )
+
+
+def _table(rows: Sequence[tuple[float, ...]], shape: tuple[int, ...]) -> Floats:
+    """As ``np.array(rows).reshape(shape)``, several times faster."""
+    size = int(np.prod(shape))
+    return np.fromiter(chain.from_iterable(rows), np.float64, size).reshape(shape)
+
+
+def _believed(beliefs: Sequence[Belief | None], count: int, parameters: Parameters) -> list[Point]:
+    """Where each robot takes each of the whole team to be, for all beliefs in turn."""
+    places: list[Point] = []
+    for row, belief in enumerate(beliefs):
+        if belief is None:
+            places += [NOWHERE] * count
+            continue
+        position, peers, _ = belief
+        tick, own = divmod(row, count)
+        members, _, positions = team_of(peers, own, position, tick, parameters)
+        if len(members) < count:
+            known = dict(zip(members, positions, strict=True))
+            positions = tuple([known.get(robot, NOWHERE) for robot in range(count)])
+        places += positions
+    return places
+
+
+class Collector:
+    """Looks on at one hunt (``run_in_memory(..., watch=collector)``); its log is had afterwards."""
+
+    def __init__(self) -> None:
+        self._rounds = Rounds()
+        self._world: WorldCore | None = None
+
+    def decided(
+        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[Answer | None]
+    ) -> None:
+        """Every robot that is there has answered at the world's tick."""
+        self._look(world)
+        rounds, name_bytes = self._rounds, len(world.run)
+        for core, answer in zip(robots, answers, strict=True):
+            if answer is None:
+                rounds.lose()
+                continue
+            packet, command = answer
+            rounds.beliefs.append(belief_of(core))
+            rounds.commands.append(command)
+            rounds.sizes_bytes.append(len(packet) - name_bytes if packet else 0)
+
+    def ended(self, world: WorldCore) -> None:
+        """The run is over."""
+        self._look(world)
+        self._world = world
+
+    def _look(self, world: WorldCore) -> None:
+        rounds, state = self._rounds, world.state
+        rounds.positions.append(state.positions)
+        rounds.contacts += [(state.tick, *pair) for pair in state.contacts]
+        if world.fates is not None:  # those of the round before
+            rounds.due.append(world.fates.due)
+            rounds.copies.append(world.fates.copies)
+
+    def log(self) -> RunLog:
+        """The log of the hunt, which must be over."""
+        assert self._world is not None, "the hunt is not over"
+        arena, state = self._world.arena, self._world.state
+        with little_garbage():
+            return log_of(
+                self._rounds, arena.scenario, arena.seed, state.captured, self._world.ended
+            )

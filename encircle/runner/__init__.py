@@ -1,0 +1,1 @@
+"""Hunts that are run: in memory, or as processes over Zenoh."""

@@ -1,0 +1,262 @@
+"""One hunt from start to end, over either link: what ``encircle run`` and the Python API do."""
+
+import secrets
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing, nullcontext, suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from encircle.protocol.programs.interrupts import check, held
+from encircle.protocol.programs.log import bounded_log
+from encircle.protocol.programs.tracebacks import line_of
+from encircle.world.coordinator.result import GO_ON, WHEN_LOST, Result
+from encircle.world.recording.recorder import RecordingStopped
+from encircle.world.recording.run_directory import (
+    create,
+    new_directory,
+    start_recording,
+    write_summary,
+)
+from encircle.world.scenario.remarks import ScenarioRemark
+from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+
+if TYPE_CHECKING:
+    from encircle.runner.launch import Patience
+    from encircle.world.coordinator.world_core import WorldCore
+    from encircle.world.recording.resuming import Resumed
+
+LINKS = ("zenoh", "memory")
+PROGRESS_PERIOD_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Hunt:
+    """A finished hunt. ``out``: its directory, None if it was not recorded."""
+
+    scenario: Scenario
+    seed: int
+    link: str
+    run: str
+    result: Result
+    processes: int
+    wall_s: float
+    out: Path | None
+    timing: Mapping[str, Any]
+
+    @property
+    def captured(self) -> bool:
+        """Whether the target was captured."""
+        return self.result.captured
+
+    @property
+    def capture_tick(self) -> int | None:
+        """The tick of the capture, None without one."""
+        return self.result.capture_tick
+
+    @property
+    def digest(self) -> str:
+        """The digest of everything that happened: equal digests, equal runs."""
+        return self.result.digest
+
+    def as_dict(self, name: str) -> dict[str, Any]:
+        """What ``--json`` prints; ``name`` is the scenario as it was asked for."""
+        return {
+            "scenario": name,
+            "seed": self.seed,
+            "link": self.link,
+            "robots": len(self.scenario.ids),
+            "processes": self.processes,
+            "wall_s": self.wall_s,
+            "out": str(self.out) if self.out else None,
+            "run": self.run,
+            **asdict(self.result),
+            **self.timing,
+        }
+
+
+def run(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    *,
+    seed: int | None = None,
+    link: str = "zenoh",
+    overrides: Sequence[str] = (),
+    out: str | Path | None = None,
+    progress: Callable[[dict[str, Any]], None] | None = None,
+    start_order: Sequence[str] | None = None,
+    when_lost: str = GO_ON,
+    patience: "Patience | None" = None,
+) -> Hunt:
+    """Run one hunt and wait for its end.
+
+    ``scenario``: a shipped name, a TOML file, a mapping or a loaded scenario. ``link``: ``zenoh``
+    for one process per robot and one for the world, ``memory`` for the same code in this process.
+    ``out``: a directory for recording and summary, which must be new or empty; none by default.
+    ``progress`` is called now and then with ``{"tick", "distances_m"}``. ``when_lost``: whether the
+    run is to ``go-on`` without a robot whose process is lost, or to ``end``. ``patience``: how long
+    processes are waited for, ``encircle.runner.launch.PATIENCE`` if left out.
+
+    Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
+    unusable directory and ``RunFailed`` if the run does not come to its end; in memory
+    ``Interrupted``, a ``KeyboardInterrupt``, after Ctrl-C. Warns with ``ScenarioRemark`` of what
+    may not be meant, such as a team that can never capture.
+    """
+    _check("link", link, LINKS)
+    _check("when_lost", when_lost, WHEN_LOST)
+    changes = [*overrides, *([f"seed={seed}"] if seed is not None else [])]
+    if isinstance(scenario, Scenario):
+        scenario = scenario.model_dump(mode="json", exclude_unset=True)
+    loaded = load(scenario, changes)
+    check_link(loaded, link)
+    for remark in loaded.remarks():
+        warnings.warn(remark, ScenarioRemark, stacklevel=2)
+    name = f"run-{secrets.token_hex(6)}"
+    is_new = out is not None and not Path(out).exists()
+    directory = create(Path(out)) if out is not None else None
+    tell = progress or (lambda _report: None)
+    begun = time.perf_counter()
+    try:
+        with held():
+            if link == "memory":
+                result, timing, processes = _in_memory(loaded, name, directory, tell)
+            else:
+                order = start_order or ["world", *loaded.ids]
+                result, timing = _as_processes(
+                    loaded, name, directory, tell, order, when_lost, patience
+                )
+                processes = len(order)
+    finally:
+        if directory is not None and is_new:
+            # Of a run that has not begun nothing is left.
+            with suppress(OSError):
+                directory.rmdir()
+    wall_s = time.perf_counter() - begun
+    return Hunt(loaded, loaded.seed, link, name, result, processes, wall_s, directory, timing)
+
+
+def resume(
+    directory: str | Path,
+    *,
+    link: str = "zenoh",
+    progress: Callable[[dict[str, Any]], None] | None = None,
+    when_lost: str = GO_ON,
+    patience: "Patience | None" = None,
+) -> Hunt:
+    """Go on with a run that broke off, where its recording in ``directory`` ends, to its end.
+
+    The recording becomes whole; what it was is kept beside it. ``link``, ``progress``,
+    ``when_lost`` and ``patience``: as for ``run``, and the link may be another. Raises
+    ``RunDirectoryError`` if
+    there is nothing to go on with, or if what is recorded is not what this program comes to;
+    then nothing has been changed. ``RunFailed`` as for ``run``.
+    """
+    from encircle.world.recording.resuming import read_last, rebuild
+
+    _check("link", link, LINKS)
+    _check("when_lost", when_lost, WHEN_LOST)
+    place, tell = Path(directory), progress or (lambda _report: None)
+    begun = time.perf_counter()
+    with held():
+        resumed = rebuild(read_last(place), bounded_log())
+        scenario, name = resumed.core.arena.scenario, resumed.core.run
+        if link == "memory" or resumed.core.ended is not None:
+            result, timing, processes = _in_memory(scenario, name, place, tell, resumed)
+        else:
+            from encircle.runner.launch import run_processes
+
+            arguments = ["--resume", str(place), "--when-lost", when_lost]
+            order = ["world", *scenario.ids]
+            result, timing = run_processes(
+                arguments, scenario.ids, name, tell, order, place, patience
+            )
+            processes = len(order)
+    wall_s = time.perf_counter() - begun
+    return Hunt(scenario, scenario.seed, link, name, result, processes, wall_s, place, timing)
+
+
+def _check(name: str, value: str, known: Sequence[str]) -> None:
+    if value not in known:
+        raise ValueError(f"{name} {value!r}: must be one of {', '.join(known)}")
+
+
+def check_link(scenario: Scenario, link: str) -> None:
+    """``ScenarioError`` if the scenario cannot be run over the link."""
+    if link == "memory" and scenario.clock == "wall":
+        raise ScenarioError("clock = 'wall': in memory no time passes; use --link zenoh")
+
+
+def _in_memory(
+    scenario: Scenario,
+    name: str,
+    directory: Path | None,
+    tell: Callable[[dict[str, Any]], None],
+    resumed: "Resumed | None" = None,
+) -> tuple[Result, dict[str, Any], int]:
+    from encircle.runner.launch import RunFailed
+    from encircle.runner.memory import RunBroken, run_in_memory
+    from encircle.world.arena.engine import build
+
+    arena = build(scenario, scenario.seed)
+    so_far = resumed.messages if resumed else None
+    check(" before the run began")
+    recorder = start_recording(directory, scenario, name, so_far) if directory else None
+    record = recorder.record if recorder else None
+    said, told = time.perf_counter(), 0
+
+    def progress(world: "WorldCore") -> None:
+        nonlocal said, told
+        check(f" at tick {world.state.tick}")
+        for tick, robot, what in world.departures[told:]:
+            tell({"departure": [tick, robot, what]})
+        told = len(world.departures)
+        if time.perf_counter() - said >= PROGRESS_PERIOD_S:
+            said = time.perf_counter()
+            tell({"tick": world.state.tick, "distances_m": list(world.result().distances_m)})
+
+    begun, failure = time.perf_counter(), ""
+    try:
+        with closing(recorder) if recorder else nullcontext():
+            try:
+                result = run_in_memory(
+                    arena, name, bounded_log(), record, progress, resumed=resumed
+                )
+            except RunBroken as error:
+                failure = line_of(error.failed, directory)
+                result = replace(error.result, ended=f"failed: {failure}")
+        timing = {"rounds_s": time.perf_counter() - begun}
+        tell({"result": asdict(result)})
+        if directory is not None:
+            write_summary(directory, scenario, result, name, timing)
+    except RecordingStopped as error:
+        raise RunFailed(str(error), resumable=True) from None
+    if failure:
+        raise RunFailed(failure)
+    return result, timing, 1
+
+
+def _as_processes(
+    scenario: Scenario,
+    name: str,
+    directory: Path | None,
+    tell: Callable[[dict[str, Any]], None],
+    order: Sequence[str],
+    when_lost: str,
+    patience: "Patience | None",
+) -> tuple[Result, dict[str, Any]]:
+    from encircle.runner.launch import run_processes
+
+    with tempfile.TemporaryDirectory(prefix="encircle-") as scratch:
+        # The world reads the scenario as resolved here, so that both mean the same one.
+        path = Path(scratch) / "scenario.json"
+        path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
+        arguments = [str(path), *(["--out", str(directory)] if directory else [])]
+        arguments += ["--when-lost", when_lost]
+        return run_processes(arguments, scenario.ids, name, tell, order, directory, patience)
+
+
+def default_directory(scenario_name: str, seed: int) -> Path:
+    """A new directory under ``runs/`` for a hunt that was not told where to record."""
+    return new_directory(Path("runs"), scenario_name, seed)

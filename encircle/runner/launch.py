@@ -1,0 +1,348 @@
+"""A hunt as operating-system processes: one world, one robot each, over Zenoh on loopback.
+
+The launcher starts them, follows the world's reports, and sees to it that none is left behind: it
+ends what it started by process, whatever happened, and the world ends by itself when the launcher
+is gone (its standard input closes), the robots when the world is. A robot that dies in mid-run is
+the world's affair; nothing is started anew.
+"""
+
+import asyncio
+import json
+import os
+import signal
+import socket
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from encircle.protocol.programs.interrupts import told_to
+from encircle.protocol.programs.log import printable
+from encircle.protocol.programs.options import without_settings
+from encircle.protocol.programs.tracebacks import KEPT_IN
+from encircle.world.coordinator.result import Result
+from encircle.world.scenario.scenario import ScenarioError
+
+STOP_S_MAX = 3.0
+SILENCE_S_MAX = 6.0
+HELD_S = 1.0
+BAD_CONFIGURATION = 2
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""A robot's matrices are tiny; a pool of idle threads in every process only costs memory."""
+OUTPUT_LINE_BYTES_MAX = 1024 * 1024
+ERROR_LINES_MAX = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long to wait, in s, for processes at the start and for whoever has to answer.
+
+    A machine that is busy with other things needs more of it than others. It is for hangs alone:
+    a process that ends is noticed at once.
+    """
+
+    join_s_max: float = 30.0
+    answer_s_max: float = STOP_S_MAX
+
+    @property
+    def silence_s_max(self) -> float:
+        """How long the world may say nothing: it speaks up each second that it waits."""
+        return max(SILENCE_S_MAX, 2.0 * self.answer_s_max)
+
+
+PATIENCE = Patience()
+
+
+class RunFailed(Exception):
+    """A run that did not come to its end; the message says in one line what happened.
+
+    ``resumable``: it broke off, so that what was recorded of it may be gone on with.
+    """
+
+    def __init__(self, reason: str, resumable: bool = False) -> None:
+        super().__init__(reason)
+        self.resumable = resumable
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint with a port that is free now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def run_processes(
+    world_arguments: Sequence[str],
+    robots: Sequence[str],
+    run: str,
+    report: Callable[[dict[str, Any]], None],
+    start_order: Sequence[str] | None = None,
+    directory: Path | None = None,
+    patience: Patience | None = None,
+) -> tuple[Result, dict[str, Any]]:
+    """Run a hunt with one process per robot; returns its result and timings.
+
+    ``world_arguments``: scenario and options for ``python -m encircle.world``. ``report`` gets the
+    world's reports, and ``{"started": {name: pid}, "run": name, "endpoint": endpoint}`` first.
+    ``start_order`` is for tests; ``directory``: that of the run, if any. Raises ``RunFailed``.
+    """
+    launch = _Launch(run, robots, report, directory, patience or PATIENCE)
+    with told_to(launch.interrupt):
+        found = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
+    if launch.interrupted or found is None:
+        raise launch.stopped()
+    return found
+
+
+class _Launch:
+    def __init__(
+        self,
+        run: str,
+        robots: Sequence[str],
+        report: Callable[[dict[str, Any]], None],
+        directory: Path | None,
+        patience: Patience,
+    ) -> None:
+        self.name = run
+        self.robots = robots
+        self.own = ["--tracebacks", str(directory)] if directory is not None else []
+        self.report = report
+        self.patience = patience
+        self.endpoint = free_endpoint()
+        self.processes: dict[str, asyncio.subprocess.Process] = {}
+        self.result: dict[str, Any] | None = None
+        self.tick = 0
+        self.errors: dict[str, list[str]] = {}
+        self.interrupted = ""
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self.failed: list[str] = []
+        self.held_s: dict[str, float] = {}
+        self.begun = False
+        self.silent = False
+        self.heard_s = 0.0
+
+    async def run(
+        self, world_arguments: Sequence[str], order: Sequence[str]
+    ) -> tuple[Result, dict[str, Any]] | None:
+        self._loop = asyncio.get_running_loop()
+        try:
+            for name in order:
+                if not self.interrupted:
+                    await self._start(name, world_arguments)
+            if not self.interrupted:
+                pids = {name: process.pid for name, process in self.processes.items()}
+                self.report({"started": pids, "run": self.name, "endpoint": self.endpoint})
+                await self._follow()
+        finally:
+            await self._stop_all()
+        return None if self.interrupted else self._outcome()
+
+    async def _start(self, name: str, world_arguments: Sequence[str]) -> None:
+        own = (
+            [
+                *("world", *world_arguments, "--listen", self.endpoint, "--parent", "--json"),
+                *("--answer-timeout", f"{self.patience.answer_s_max}"),
+            ]
+            if name == "world"
+            else ["agents", name, "--connect", self.endpoint, "--quiet", *self.own]
+        )
+        pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
+        self.processes[name] = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", *own, "--run", self.name),
+            *("--join-timeout", f"{self.patience.join_s_max}"),
+            stdin=pipe if name == "world" else none,
+            stdout=pipe if name == "world" else none,
+            stderr=pipe,
+            limit=OUTPUT_LINE_BYTES_MAX,
+            env=without_settings(os.environ) | ONE_THREAD,
+            # Ctrl-C in a terminal reaches the launcher alone, which then ends the run in order.
+            start_new_session=True,
+        )
+
+    async def _follow(self) -> None:
+        """Read what the processes say until all have ended, or one has failed for a while."""
+        readers = [asyncio.create_task(self._read_errors(n, p)) for n, p in self.processes.items()]
+        readers.append(asyncio.create_task(self._read_reports()))
+        waiting = {asyncio.create_task(p.wait()) for p in self.processes.values()}
+        while waiting and not self.silent:
+            # The robots end when the world has told them to; what has not ended some seconds
+            # after it never will. Before the run has begun, it cannot do without any robot.
+            ending = (
+                self.interrupted
+                or self._has_ended("world")
+                or (not self.begun and any(map(self._has_ended, self.processes)))
+            )
+            silence_s = time.monotonic() - self.heard_s if self.begun else 0.0
+            s_max = max(0.0, self.patience.silence_s_max - silence_s)
+            done, waiting = await asyncio.wait(
+                waiting,
+                timeout=STOP_S_MAX if ending else min(s_max, HELD_S) if self.held_s else s_max,
+                return_when=asyncio.FIRST_COMPLETED,
+            )
+            if ending and not done:
+                break
+            # The world speaks up when a robot does not answer; nobody does when the world hangs.
+            silence_s = time.monotonic() - self.heard_s
+            self.silent = self.begun and silence_s >= self.patience.silence_s_max
+            self._look_at_ends()
+            if self.processes["world"].returncode not in (None, 0):
+                # Robots would wait for it to come back.
+                break
+        await self._stop_all()
+        # All have ended, and what they said last is there to be read.
+        await asyncio.wait(readers, timeout=self.patience.answer_s_max)
+        for reader in readers:
+            reader.cancel()
+
+    def _has_ended(self, name: str) -> bool:
+        return self.processes[name].returncode is not None
+
+    def _look_at_ends(self) -> None:
+        """Note who failed first, and say how robots have ended in mid-run.
+
+        Of one that was not killed, when the world is still there after a moment: it may have told
+        it to.
+        """
+        now_s = time.monotonic()
+        for name, process in self.processes.items():
+            if process.returncode and name not in self.failed:
+                self.failed.append(name)
+                self.held_s[name] = now_s + HELD_S * (process.returncode > 0)
+        if not self.begun or self._has_ended("world") or self.interrupted:
+            self.held_s.clear()
+        for name in [name for name, due_s in self.held_s.items() if now_s >= due_s]:
+            del self.held_s[name]
+            self.report({"log": self._how_robot_ended(name)})
+
+    async def _read_reports(self) -> None:
+        stream = self.processes["world"].stdout
+        assert stream is not None
+        async for line in stream:
+            report = json.loads(line)
+            self.heard_s = time.monotonic()
+            self.result = report.get("result", self.result)
+            # The run may have ended before its first report.
+            joined = self.result is not None and self.result["joined_s"] is not None
+            self.begun = self.begun or "tick" in report or joined
+            self.tick = report.get("tick", self.tick)
+            self.report(report)
+
+    async def _read_errors(self, name: str, process: asyncio.subprocess.Process) -> None:
+        stream = process.stderr
+        assert stream is not None
+        kept = self.errors.setdefault(name, [])
+        async for line in stream:
+            text = printable(line.decode(errors="replace").rstrip())
+            if len(kept) < ERROR_LINES_MAX:
+                kept.append(text)
+                if " refused " in text:
+                    self.report({"log": text})
+
+    def stopped(self) -> RunFailed:
+        """The error of a run that was interrupted."""
+        is_over = self.result is not None and not self.result["ended"].startswith("failed")
+        when = f"at tick {self.tick}" if self.begun else "before the run began"
+        when += ", which was its end" if is_over else ""
+        return RunFailed(f"stopped by {self.interrupted} {when}", self.begun and not is_over)
+
+    def interrupt(self, name: str) -> None:
+        """End the run in order because of a signal; called as a signal handler is."""
+        if not self.interrupted:
+            self.interrupted = name
+            if self._loop is not None and not self._loop.is_closed():
+                self._loop.call_soon_threadsafe(self._end_world)
+
+    def _end_world(self) -> None:
+        world = self.processes.get("world")
+        if world is not None and world.returncode is None:
+            world.terminate()
+
+    async def _stop_all(self) -> None:
+        """End every process that is still there: asked first, then made to."""
+        if self.silent and not self._has_ended("world"):
+            # It would not do anything else that it is asked either.
+            self.processes["world"].kill()
+        # A world that was asked to end has a recording to complete.
+        for end, s_max in (("terminate", self.patience.answer_s_max), ("kill", STOP_S_MAX)):
+            living = [p for p in self.processes.values() if p.returncode is None]
+            for process in living:
+                getattr(process, end)()
+            if living:
+                waits = [asyncio.create_task(process.wait()) for process in living]
+                await asyncio.wait(waits, timeout=s_max)
+
+    def _outcome(self) -> tuple[Result, dict[str, Any]]:
+        """The result, or ``RunFailed`` with the one line that says what happened first."""
+        if self.result is None:
+            if self.processes["world"].returncode == BAD_CONFIGURATION:
+                raise ScenarioError(self._first_failure())
+            raise RunFailed(self._first_failure(), resumable=self.begun)
+        timing = ("rounds_s", "joined_s", "begun_unix_s", "real_time")
+        extra = {key: self.result.pop(key) for key in timing if key in self.result}
+        distances_m = tuple(self.result.pop("distances_m"))
+        departures = tuple((t, robot, what) for t, robot, what in self.result.pop("departures"))
+        result = Result(distances_m=distances_m, departures=departures, **self.result)
+        if result.ended.startswith("failed"):
+            if failure := self._failure_of_plugins(result.ended.removeprefix("failed: ")):
+                # Its world waits where it was, but the same would happen again.
+                raise RunFailed(failure)
+            if not self.begun and self.failed and self.failed[0] != "world":
+                # The world can only say that it was stopped, or who did not come.
+                raise RunFailed(self._first_failure())
+            reason = result.ended.removeprefix("failed: ")
+            how = [
+                f" ({_how_ended(p.returncode)})"
+                for name, p in self.processes.items()
+                if reason.startswith(f"robot {name} ") and p.returncode
+            ]
+            raise RunFailed(reason + "".join(how), resumable=self.begun)
+        return result, extra
+
+    def _failure_of_plugins(self, reason: str) -> str:
+        """The line that tells of a plug-in that failed, in the world or in robots, if one has."""
+        if KEPT_IN in reason:
+            return reason
+        found = {
+            robot: line.removeprefix(f"robot {robot}: ")
+            for robot in self.robots
+            for line in self.errors.get(robot, ())
+            if KEPT_IN in line
+        }
+        first, *others = found or [""]
+        # As a rule robots with the same strategy fail at the same tick.
+        return found.get(first, "") + (f"; likewise {', '.join(others)}" if others else "")
+
+    def _first_failure(self) -> str:
+        """Why there is no result at all: what the first process to fail said, or how it ended."""
+        if self.silent:
+            s_max = self.patience.silence_s_max
+            return f"the world has said nothing for {s_max:g} s at tick {self.tick}"
+        name = "world" if self.begun or not self.failed else self.failed[0]
+        said = [line for line in self.errors.get(name, []) if not _in_passing(line)]
+        status = self.processes[name].returncode
+        if name == "world" and status is not None and status < 0:
+            return f"the world {_how_ended(status)} at tick {self.tick}"
+        if name == "world":
+            # A configuration error has several lines, each of which helps.
+            return "\n".join(said) or f"the world {_how_ended(status)} at tick {self.tick}"
+        return self._how_robot_ended(name)
+
+    def _how_robot_ended(self, name: str) -> str:
+        """How a robot's process ended; if by itself, with the last that it said, as of an error."""
+        said = [line for line in self.errors.get(name, []) if not _in_passing(line)]
+        status = self.processes[name].returncode
+        last = f": {said[-1] if said else 'it said nothing'}" if status and status > 0 else ""
+        return f"robot {name} {_how_ended(status)}{last}"
+
+
+def _in_passing(line: str) -> bool:
+    """Whether it tells of something that a party goes on after."""
+    return " refused " in line or line.startswith("world: tick ")
+
+
+def _how_ended(status: int | None) -> str:
+    if status is not None and status < 0:
+        return f"was killed by {signal.Signals(-status).name}"
+    return f"ended with status {status}"

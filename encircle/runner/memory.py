@@ -1,0 +1,159 @@
+"""A hunt inside one process: the same cores as in the real thing, joined by hand.
+
+Poses and commands are encoded as over Zenoh, and poses decoded by whoever the radio delivers them
+to, so digest and recording are the same. Left out are processes, threads and sockets, and the
+decoding of what this process has itself just encoded.
+"""
+
+import gc
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import NamedTuple, Protocol
+
+from encircle.agents.brain.robot_core import RobotCore
+from encircle.protocol.codec import decode, encode, remember_pose
+from encircle.protocol.keys import parse_key
+from encircle.protocol.messages import Command, Observation
+from encircle.protocol.plugins import PluginFailed
+from encircle.world.arena.engine import Arena
+from encircle.world.coordinator.result import Result
+from encircle.world.coordinator.world_core import Record, WorldCore
+from encircle.world.recording.resuming import Resumed
+
+GARBAGE_THRESHOLD = 100_000
+
+
+class Answer(NamedTuple):
+    """One robot's answer at a tick. ``packet``: its encoded pose, empty if it publishes none."""
+
+    packet: bytes
+    command: Command
+
+
+class RunBroken(Exception):
+    """A run that a plug-in has ended: how it failed, and what had come of the run so far."""
+
+    def __init__(self, failed: PluginFailed, result: Result) -> None:
+        super().__init__(str(failed))
+        self.failed = failed
+        self.result = result
+
+
+class Watch(Protocol):
+    """Someone who looks on at a hunt in memory, and must change nothing."""
+
+    def decided(
+        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[Answer | None]
+    ) -> None:
+        """All robots have answered, in robot order, at the tick that ``world.state`` shows.
+
+        None in place of its answer for a robot that is lost. ``world.fates`` are those of the
+        packets of the tick before, None at the first.
+        """
+
+    def ended(self, world: WorldCore) -> None:
+        """The run is over; state and fates are the last."""
+
+
+def run_in_memory(
+    arena: Arena,
+    run: str,
+    log: Callable[[str], None],
+    record: Record | None = None,
+    progress: Callable[[WorldCore], None] | None = None,
+    watch: Watch | None = None,
+    resumed: Resumed | None = None,
+) -> Result:
+    """Run a hunt to its end; ``progress`` is called at every tick but the last.
+
+    ``resumed``: a hunt to go on with instead of beginning one. ``RunBroken`` if a strategy or the
+    target's behaviour fails.
+    """
+    with little_garbage():
+        cores = {robot: RobotCore(robot, run, log) for robot in arena.ids}
+        if resumed is None:
+            world = WorldCore(arena, run, log, record)
+            for robot, core in cores.items():
+                for key, payload in world.join(robot):
+                    core.receive(key, payload)
+            asked = _asked(world, cores, watch)
+        else:
+            world = resumed.core
+            world.record = record
+            asked = _asked_again(resumed, cores)
+        try:
+            _run(world, cores, asked, progress, watch)
+        except PluginFailed as error:
+            world.give_up(error)
+        if world.broken is not None:
+            raise RunBroken(world.broken, world.result()) from world.broken
+        return world.result()
+
+
+@contextmanager
+def little_garbage() -> Iterator[None]:
+    """Look for cycles rarely, where many tuples are made and no cycles."""
+    thresholds = gc.get_threshold()
+    # In a hunt, looking for cycles costs a twentieth.
+    gc.set_threshold(GARBAGE_THRESHOLD, *thresholds[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*thresholds)
+
+
+def _run(
+    world: WorldCore,
+    cores: Mapping[str, RobotCore],
+    asked: list[Observation],
+    progress: Callable[[WorldCore], None] | None,
+    watch: Watch | None,
+) -> None:
+    robots, run = tuple(cores.values()), world.run
+    while asked:
+        answers: dict[str, Answer] = {}
+        for observation in asked:
+            core = cores[observation.robot]
+            pose, command = core.decide(observation)
+            packet = b"" if pose is None else encode(pose, run)
+            if pose is not None:
+                remember_pose(pose, packet, run)
+            world.answer(pose, packet, command, encode(command, run))
+            answers[core.robot] = Answer(packet, command)
+        world.settle()
+        if watch is not None:
+            watch.decided(world, robots, [answers.get(robot) for robot in cores])
+        if progress is not None:
+            progress(world)
+        asked = _asked(world, cores, watch)
+    if watch is not None and world.broken is None:
+        watch.ended(world)
+
+
+def _asked(
+    world: WorldCore, cores: Mapping[str, RobotCore], watch: Watch | None
+) -> list[Observation]:
+    """The observations of the next round that anyone is there for; none when the run is over."""
+    while not (asked := world.ask()) and world.ended is None:
+        if watch is not None:
+            watch.decided(world, tuple(cores.values()), [None] * len(cores))
+    for key, payload in world.setups:
+        cores[parse_key(key).robot or ""].receive(key, payload)
+    return asked
+
+
+def _asked_again(resumed: Resumed, cores: Mapping[str, RobotCore]) -> list[Observation]:
+    """The observations of the round that was under way; each robot is told what it has to know."""
+    world, asked = resumed.core, []
+    for robot in world.lost:
+        # It is there now, and asked again from the next round on.
+        world.join(robot)
+    for robot, briefing in resumed.briefings.items():
+        for key, payload in briefing:
+            cores[robot].receive(key, payload)
+    for key, payload in world.unanswered():
+        if key.endswith("/observation"):
+            asked.append(decode(Observation, payload, world.run))
+        else:
+            cores[parse_key(key).robot or ""].receive(key, payload)
+    return asked

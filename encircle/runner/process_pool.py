@@ -1,0 +1,106 @@
+"""Work for several processes of this machine, which are ended in order whatever happens.
+
+A study and ``encircle reproduce`` both run many hunts this way. The workers are shielded from
+Ctrl-C, which a terminal sends to them as well: what ends them is their parent, or its end.
+"""
+
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent import futures
+from contextlib import closing
+from functools import partial
+from multiprocessing import active_children, connection, get_context, parent_process
+from os import _exit
+from typing import TypeVar
+
+from encircle.protocol.programs.interrupts import check, held, leave_to_parent, shielding
+
+TASKS_PER_WORKER = 3
+LOOK_S = 0.1
+
+Task = TypeVar("Task")
+Done = TypeVar("Done")
+Job = TypeVar("Job")
+
+
+def in_processes(
+    work: Callable[[Task], Done], tasks: Iterable[Task], workers: int
+) -> Generator[Done]:
+    """Do tasks on so many processes; yields what comes of them, in any order.
+
+    ``BrokenProcessPool`` if a process dies. To be used while signals are held, and to be closed;
+    what is under way when it is left is lost.
+    """
+    others = set(active_children())
+    # Not forked: a forked copy of a process with threads, as Zenoh's, may hang.
+    pool = futures.ProcessPoolExecutor(workers, get_context("spawn"), _prepare)
+    try:
+        yield from _done(pool, work, tasks, workers)
+    except BaseException:
+        for worker in set(active_children()) - others:
+            worker.kill()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def in_order(
+    work: Callable[[Job], Done],
+    jobs: Sequence[Job],
+    workers: int,
+    chunk: int,
+    tell: Callable[[int, int], None],
+) -> list[Done]:
+    """What comes of jobs, so many of them a task, in the order of the jobs.
+
+    ``tell`` gets how many are done, and how many there are. ``Interrupted`` after Ctrl-C.
+    """
+    places = range(len(jobs))
+    tasks = ([(k, jobs[k]) for k in places[at : at + chunk]] for at in places[::chunk])
+    found: dict[int, Done] = {}
+    tell(0, len(jobs))
+    with held(), closing(in_processes(partial(_each, work), tasks, workers)) as finished:
+        for done in finished:
+            found |= done
+            tell(len(found), len(jobs))
+    return [found[place] for place in places]
+
+
+def _each(work: Callable[[Job], Done], jobs: Sequence[tuple[int, Job]]) -> dict[int, Done]:
+    return {place: work(job) for place, job in jobs}
+
+
+def _done(
+    pool: futures.Executor, work: Callable[[Task], Done], tasks: Iterable[Task], workers: int
+) -> Iterator[Done]:
+    waiting: set[futures.Future[Done]] = set()
+    for task in tasks:
+        with shielding():
+            waiting.add(pool.submit(work, task))
+        while len(waiting) >= TASKS_PER_WORKER * workers:
+            done, waiting = _some(waiting)
+            yield from (future.result() for future in done)
+    while waiting:
+        done, waiting = _some(waiting)
+        yield from (future.result() for future in done)
+
+
+def _some(
+    waiting: "set[futures.Future[Done]]",
+) -> "tuple[set[futures.Future[Done]], set[futures.Future[Done]]]":
+    check()
+    done, rest = futures.wait(waiting, LOOK_S, futures.FIRST_COMPLETED)
+    return done, rest
+
+
+def _prepare() -> None:
+    """In a new worker: leave Ctrl-C to the parent, and end when the parent does."""
+    leave_to_parent()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    assert parent is not None
+    connection.wait([parent.sentinel])
+    _exit(1)

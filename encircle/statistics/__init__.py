@@ -1,0 +1,1 @@
+"""Intervals and tests, for results that can be published."""

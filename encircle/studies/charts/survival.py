@@ -1,0 +1,110 @@
+"""Survival curves: the share of runs whose target is still free, against time.
+
+Kaplan and Meier's estimate with its pointwise interval, up to the last run under observation; a run
+without capture is censored at the limit, where a stroke across the curve says that some end so.
+If all captures are early, time ends soon after the last of them: the curves are level from there to
+the limit, and would be squeezed to its side.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from encircle.studies.charts.frames import Drawn, frame, line_handles, look, outer_labels
+from encircle.studies.charts.lines import (
+    PANEL_IN,
+    PANEL_IN_SMALL,
+    PERCENT,
+    limit_text,
+    runs_text,
+    span,
+)
+from encircle.studies.charts.views import View, view
+from encircle.studies.summary import Summary
+
+STROKE: dict[str, Any] = {"ls": "", "marker": "|", "ms": 7, "mew": 1.2}
+ROOM, ROOM_CUT = 1.03, 1.25
+CUT_BELOW = 0.5
+"""The last capture of all, as a share of the longest run, below which time is cut after it."""
+BAND_ALPHA, BAND_ALPHA_MANY, MANY = 0.16, 0.1, 3
+
+
+def draw_survival(summary: Summary) -> Drawn:
+    """A curve for each level of the compared axis, or of the first, a panel for each setting."""
+    shape = view(summary.plan)
+    single = len(shape.settings) == 1
+    handles = line_handles(shape.lines, shape.places)
+    for handle, line in zip(handles, shape.places, strict=False):
+        handle.set(marker="")
+        if single:
+            handle.set(label=f"{handle.get_label()}: {_outcome(summary, shape, line)}")
+    if not summary.captured.all():
+        handles.append(Line2D([], [], color="black", **STROKE, label="not captured"))
+    titles = [shape.title(setting) for setting in shape.settings]
+    legend = (shape.lines.title if shape.lines is not None else "", handles)
+    figure, panels = frame(titles, PANEL_IN if single else PANEL_IN_SMALL, legend, wide=False)
+    cells = [[shape.cell(setting, line) for line in shape.places] for setting in shape.settings]
+    end_s, cut = _end_s(summary, [cell for row in cells for cell in row])
+    for axes, row in zip(panels, cells, strict=True):
+        for number, cell in enumerate(row):
+            _draw_curve(axes, summary, cell, shape, number, end_s)
+        axes.set(xlabel="time (s)", ylabel="share still free (%)")
+        axes.set(ylim=PERCENT["lim"], yticks=PERCENT["ticks"])
+        axes.grid(alpha=0.25, lw=0.5)
+    # Shared by all panels.
+    panels[0].set_xlim(0.0, ROOM * end_s)
+    outer_labels(panels)
+    told = f" {_outcome(summary, shape, 0)}." if shape.lines is None else ""
+    limit = f"at the limit, {limit_text(summary)}"
+    strokes = f" Strokes: runs end there without capture, {limit}."
+    if cut:
+        strokes = (
+            f" Nothing changes after {end_s:.3g} s; strokes: runs end without capture, {limit}."
+        )
+    strokes = "" if summary.captured.all() else strokes
+    caption = (
+        f"Share of runs whose target is still free (Kaplan-Meier){shape.spread};"
+        f" {runs_text(summary)} per curve.{told} Bands: pointwise 95 % intervals.{strokes}"
+        f" {shape.left_out}"
+    )
+    free = [100.0 * cell.survival.share[-1] for cell in summary.cells]
+    alt = (
+        f"Survival curves{shape.spread}: at the end {span(free)} % of targets are still free, over"
+        " all cells."
+    )
+    return Drawn("survival", figure, caption.strip(), alt)
+
+
+def _end_s(summary: Summary, cells: Sequence[int]) -> tuple[float, bool]:
+    """When time ends in the figure, and whether that is before the last run does."""
+    times_s = np.array([summary.ticks[cell] * summary.tick_s[cell] for cell in cells])
+    longest_s = float(times_s.max())
+    last_s = ROOM_CUT * float(times_s.max(initial=0.0, where=summary.captured[list(cells)]))
+    cut = 0.0 < last_s < CUT_BELOW * longest_s
+    return (last_s if cut else longest_s), cut
+
+
+def _outcome(summary: Summary, shape: View, line: int) -> str:
+    flags = summary.captured[shape.cell(shape.settings[0], line)]
+    return f"{int(flags.sum())} of {flags.size} captured"
+
+
+def _draw_curve(
+    axes: Axes, summary: Summary, cell: int, shape: View, number: int, end_s: float
+) -> None:
+    curve, tick_s = summary.cells[cell].survival, summary.tick_s[cell]
+    style = {**look(shape.lines, number, len(shape.places)), "marker": ""}
+    times_s = np.minimum(np.append(0.0, curve.ticks * tick_s), end_s)
+    share, low, high = (
+        100.0 * np.append(1.0, bound) for bound in (curve.share, curve.low, curve.high)
+    )
+    alpha = BAND_ALPHA if len(shape.places) <= MANY else BAND_ALPHA_MANY
+    axes.fill_between(times_s, low, high, step="post", color=style["color"], alpha=alpha, lw=0)
+    axes.step(times_s, share, where="post", **style, lw=1.3)
+    censored = np.unique(summary.ticks[cell][~summary.captured[cell]])
+    left = share[1 + np.searchsorted(curve.ticks, censored)]
+    at_s = np.minimum(censored * tick_s, end_s)
+    axes.plot(at_s, left, color=style["color"], **STROKE)

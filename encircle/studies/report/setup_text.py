@@ -1,0 +1,166 @@
+"""A study's set-up in words: the scenario of its first cell, what is varied, which seeds.
+
+The first cell and not the base, as a base need not be whole without the levels of the axes.
+What is said of the radio and of events is made from whatever their models hold that is not a
+default, so that a new model of loss needs no new words here.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import BaseModel
+
+from encircle.studies.charts.views import label, level_text
+from encircle.studies.plan import Axis, Plan
+from encircle.world.scenario.scenario import Scenario
+
+ITEMS_MAX = 12
+
+
+def set_up(plan: Plan) -> list[tuple[str, str]]:
+    """What there is in the first cell; what an axis changes is said to be varied."""
+    scenario = plan.scenario_of(0)
+    team, target, sensing = scenario.team, scenario.target, scenario.sensing
+    hz = 1.0 / scenario.tick_s
+    turning = f", turning by at most {team.turn_rad_max:.3g} rad per tick"
+    motion = team.motion + (turning if team.motion == "unicycle" else "")
+    behaviour = target.behaviour + (f" ({_items(target.parameters)})" if target.parameters else "")
+    noise = f", detection noise {sensing.noise_m_std:g} m" if sensing.noise_m_std else ""
+    limit = f"{scenario.ticks_max} ticks ({scenario.ticks_max * scenario.tick_s:g} s)"
+    rows = [
+        (
+            "Robots",
+            f"{len(scenario.ids)}; {_starts(scenario)}",
+            ("team.robots", "team.p", "team.j"),
+        ),
+        ("Strategy", team.strategy, ("team.strategy",)),
+        (
+            "Robots' bodies",
+            f"radius {team.radius_m:g} m; {_speed(team.step_m_max, hz)}; {motion}",
+            ("team.radius", "team.step", "team.motion", "team.turn"),
+        ),
+        (
+            "Robots' sensors",
+            f"range {team.sensing_range_m:g} m, {sensing.rays} rays{noise}",
+            ("team.sensing", "sensing"),
+        ),
+        (
+            "Target",
+            f"behaviour {behaviour}; radius {target.radius_m:g} m;"
+            f" {_speed(target.step_m_max, hz)}; sees {target.sensing_range_m:g} m far",
+            ("target",),
+        ),
+        ("Obstacles", str(len(scenario.obstacles)) if scenario.obstacles else "none", ("obst",)),
+        ("Radio", _radio(scenario), ("channel",)),
+        ("Events", "; ".join(map(_told, scenario.events)) or "none", ("events",)),
+        (
+            "Capture",
+            f"{scenario.capture_count} robots within {scenario.capture.stop_distance_m:g} m of the"
+            " target, no angle between neighbours of half a turn or more",
+            ("capture",),
+        ),
+        ("Time", f"ticks of {scenario.tick_s:g} s, at most {limit}", ("tick",)),
+    ]
+    if scenario.robot:
+        rows.append(("Robots' parameters", _items(scenario.robot), ("robot.",)))
+    found = [(name, text + _varied(plan, keys)) for name, text, keys in rows]
+    return [*found, ("Seeds", f"{seeds_text(plan.seed_list)}, the same in every cell")]
+
+
+def seeds_text(seeds: Sequence[int]) -> str:
+    """``40, from 1 to 40``; single ones if they are not in a row."""
+    if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[0] + len(seeds))):
+        return f"{len(seeds)}, from {seeds[0]} to {seeds[-1]}"
+    few = ", ".join(map(str, seeds[:ITEMS_MAX])) + (", ..." if len(seeds) > ITEMS_MAX else "")
+    return f"{len(seeds)}: {few}"
+
+
+def axis_rows(plan: Plan, shown: Plan) -> list[tuple[str, str, str]]:
+    """What is varied: axis, key, levels; of arms, which keys each sets to what.
+
+    ``shown``: the plan as the study shows it, delays as they were delivered.
+    """
+    pairs = zip(plan.all_axes, shown.all_axes, strict=True)
+    return [
+        (axis.title, _keys(axis), _levels(axis) + _delivered(delivered))
+        for axis, delivered in pairs
+    ]
+
+
+def _delivered(axis: Axis) -> str:
+    return f"; delivered: {_levels(axis)}" if axis.show == "delivered" else ""
+
+
+def _keys(axis: Axis) -> str:
+    if axis.key is not None:
+        return axis.key
+    return ", ".join(dict.fromkeys(key for arm in axis.arms or () for key in arm.set))
+
+
+def _levels(axis: Axis) -> str:
+    if axis.arms is None:
+        return ", ".join(level_text(axis, place) for place in range(len(axis.levels)))
+    return "; ".join(f"{arm.name}: {_items(arm.set) or 'nothing set'}" for arm in axis.arms)
+
+
+def _varied(plan: Plan, beginnings: tuple[str, ...]) -> str:
+    names = [
+        label(axis)
+        for axis in plan.all_axes
+        if len(axis.levels) > 1
+        and any(
+            key.startswith(beginnings)
+            for place in range(len(axis.levels))
+            for key in axis.changes(place)
+        )
+    ]
+    return f" [varied: {', '.join(names)}]" if names else ""
+
+
+def _starts(scenario: Scenario) -> str:
+    team = scenario.team
+    if team.positions is None:
+        near, far = team.placement.distance_m_min, team.placement.distance_m_max
+        return f"starts by seed, {near:g} to {far:g} m from the target"
+    jitter = f", moved by up to {team.jitter_m:g} m along each axis by seed"
+    return "given starts" + (jitter if team.jitter_m else "")
+
+
+def _speed(step_m: float, hz: float) -> str:
+    return f"at most {step_m:g} m per tick ({step_m * hz:.3g} m/s)"
+
+
+def _radio(scenario: Scenario) -> str:
+    channel = scenario.channel
+    perfect = type(channel)()
+    parts = []
+    for name in type(channel).model_fields:
+        value = getattr(channel, name)
+        if value != getattr(perfect, name):
+            parts.append(f"{name.replace('_', ' ')} {_told(value)}")
+        elif name in ("loss", "delay"):
+            parts.append(f"no {name}")
+    return "; ".join(parts)
+
+
+def _told(value: Any) -> str:
+    """A model by what it holds that is no default, its kind first; a list by its length."""
+    if isinstance(value, BaseModel):
+        fields = type(value).model_fields
+        first = [str(getattr(value, name)) for name in ("model", "kind") if name in fields]
+        rest = {
+            name: getattr(value, name)
+            for name in fields
+            if name not in ("model", "kind")
+            and getattr(value, name) != fields[name].get_default(call_default_factory=True)
+        }
+        return ", ".join([*first, _items(rest)] if rest else first) or "as by default"
+    if isinstance(value, list | tuple) and len(value) > ITEMS_MAX:
+        return f"{len(value)} values"
+    if isinstance(value, list | tuple):
+        return "(" + ", ".join(map(_told, value)) + ")"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _items(tree: dict[str, Any]) -> str:
+    return ", ".join(f"{key} = {_told(value)}" for key, value in tree.items())

@@ -1,0 +1,115 @@
+"""``python -m encircle.protocol.programs.router --listen ENDPOINT``: a Zenoh router, as a process.
+
+World and robots on many hosts need only reach the router, not each other. Any Zenoh router does;
+this one is the library that is installed anyway, in router mode, without plugins.
+"""
+
+if __name__ == "__main__":
+    # Before all that takes time to import.
+    from encircle.protocol.programs.interrupts import end_at_once
+
+    end_at_once("router")
+
+import contextlib
+import queue
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from encircle.protocol.errors import UnknownKey
+from encircle.protocol.keys import parse_key, robot_key, world_key
+from encircle.protocol.mailbox import now_us
+from encircle.protocol.programs.interrupts import leave, told_to
+from encircle.protocol.programs.log import say_error
+from encircle.protocol.programs.options import Options, access, name_of
+from encircle.protocol.zenoh.access_control import ROUTER
+from encircle.protocol.zenoh.configuration import warning
+from encircle.protocol.zenoh.connection import answer, closing, open_session, subscribe_alive
+from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, AccessError, LinkError
+from encircle.protocol.zenoh.node_info import ROUTER_KEY, replier
+from encircle.protocol.zenoh.refusals import refusals_told
+
+END_S_MAX = 5.0
+STEP_S = 0.5
+
+Changes = queue.SimpleQueue[tuple[str, bool] | str]
+"""Tokens that come and go, and the name of a signal, which ends it."""
+
+
+class Tokens:
+    """What the liveliness tokens of a run say of it."""
+
+    def __init__(self) -> None:
+        self.alive: set[str] = set()
+        self.world_gone_s: float | None = None
+
+    def change(self, key: str, alive: bool, now_s: float) -> None:
+        """A token has come or gone; ``UnknownKey`` for one that is not of the protocol."""
+        robot = parse_key(key).robot
+        (self.alive.add if alive else self.alive.discard)(key)
+        if robot is None:
+            self.world_gone_s = None if alive else now_s
+
+    def over(self, now_s: float) -> bool:
+        """Whether the world has come and gone, and its robots too, or ``END_S_MAX`` to do so."""
+        gone = self.world_gone_s
+        return gone is not None and (not self.alive or now_s - gone > END_S_MAX)
+
+
+def main(
+    arguments: Sequence[str] | None = None,
+    program: str = "python -m encircle.protocol.programs.router",
+) -> int:
+    """Route until SIGTERM or SIGINT, or for one run; returns the exit status.
+
+    That is how a router ends: with status 0, unless it was still opening its endpoints.
+    """
+    options = Options(program, "Route the messages of any number of runs.")
+    options.add_access()
+    options.add_flag("--direct-radio", "with certificates: let robots hear each other's poses")
+    options.add_flag("--count-refusals", "say at the end what certificates kept out; costs time")
+    options.add("--for-run", "end by itself after this run", read=name_of("run"), metavar="RUN")
+    found = options.parse(arguments)
+    changes: Changes = queue.SimpleQueue()
+    try:
+        where = access(found, CONNECT_S_MAX, "router", ROUTER)
+        where = replace(where, direct_radio=found.direct_radio)
+        said = warning(where)
+        with (
+            refusals_told("router", found.count_refusals),
+            closing(open_session(where)) as session,
+            told_to(changes.put),
+        ):
+            of = "" if where.listen else "the endpoints of "
+            say_error(f"router: {said or f'listening on {of}{where}'}")
+            _kept = answer(session, ROUTER_KEY, replier("router", now_us))
+            _route(session, found.for_run, changes)
+    except AccessError as error:
+        options.error(str(error))
+    except LinkError as error:
+        say_error(f"router: {error}")
+        return 1
+    return 0
+
+
+def _route(session: Any, run: str | None, changes: Changes) -> None:
+    """Zenoh does the routing on threads of its own; this waits for the end."""
+    tokens = Tokens()
+    expressions = (world_key(run, "alive"), robot_key(run, "*", "alive")) if run else ()
+    _kept = [
+        subscribe_alive(session, expression, lambda key, alive: changes.put((key, alive)))
+        for expression in expressions
+    ]
+    while not tokens.over(time.monotonic()):
+        with contextlib.suppress(queue.Empty):
+            change = changes.get(timeout=STEP_S)
+            if isinstance(change, str):
+                say_error(f"router: stopped by {change}")
+                return
+            with contextlib.suppress(UnknownKey):
+                tokens.change(*change, time.monotonic())
+
+
+if __name__ == "__main__":
+    leave(main())

@@ -1,0 +1,1 @@
+"""Everything of Zenoh: connections, configuration, certificates, who is there."""

@@ -1,0 +1,256 @@
+"""Who belongs: what Zenoh is told so that only a lab's own parties take part in its runs.
+
+Two layers. Mutual TLS says who is there: both ends of a connection show a certificate signed by the
+lab's private authority, and its common name is the party's id (``r1``, ``world``, ``router``,
+``viewer``). Access control says what each may do: the *gate*, which is the party that the others
+connect to, a router or the world itself, passes on what the table of keys in ``docs/protocol.md``
+has a party say and hear, and drops the rest. So the holder of r2's key can neither speak as r3 nor
+read what r3 observes. Rules name keys, never contents: whatever a party may say is still checked by
+whoever receives it.
+
+Nothing here touches a file or a socket but ``identity_in``, which looks whether the files are
+there. Settings are a mapping from names in Zenoh's configuration to values.
+"""
+
+import json
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from encircle.protocol.keys import robot_key, world_key
+from encircle.protocol.zenoh.endpoints import MESSAGE_BYTES_MAX, AccessError, Identity
+from encircle.protocol.zenoh.lanes import GATE, ROOM
+from encircle.protocol.zenoh.node_info import ROUTER_KEY
+
+AUTHORITY, WORLD, ROUTER, VIEWER = "authority", "world", "router", "viewer"
+TEAM_MAX = 256
+TEAM = tuple(f"r{number}" for number in range(1, TEAM_MAX + 1))
+"""The ids of the largest team, for a gate that is not told which robots there are."""
+ENCRYPTED = ("tls", "quic")
+RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2}
+"""Slower than without TLS: a listener pauses for 0.1 s after every handshake that fails."""
+
+Settings = dict[str, Any]
+
+
+class Part(NamedTuple):
+    """What a party does, as key expressions: what it may say, hear and be seen as.
+
+    ``puts``: keys that it publishes on. ``finds``: subscriptions of others that it is told of, for
+    Zenoh holds a message back at its source until one is known. ``takes``: its own subscriptions,
+    each of which must lie within one of these. ``hears``: keys of the messages that are passed on
+    to it. ``lives``: its liveliness tokens. ``watches``: tokens that it is told of. ``tells``: keys
+    on which it answers queries about itself. ``asks``: those on which it may ask others.
+    """
+
+    puts: tuple[str, ...] = ()
+    finds: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
+    hears: tuple[str, ...] = ()
+    lives: tuple[str, ...] = ()
+    watches: tuple[str, ...] = ()
+    tells: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
+
+
+ALL_MESSAGES = (
+    *("put", "delete", "query", "reply", "declare_subscriber", "declare_queryable"),
+    *("liveliness_token", "liveliness_query", "declare_liveliness_subscriber"),
+)
+
+
+def identity_in(directory: Path, name: str) -> Identity:
+    """The identity of a party in a directory as ``make_certificates`` lays it out.
+
+    ``AccessError`` names the file that is not there or cannot be read.
+    """
+    identity = Identity(
+        directory / f"{AUTHORITY}.pem", directory / f"{name}.pem", directory / f"{name}.key"
+    )
+    for path in (identity.authority, identity.certificate, identity.key):
+        try:
+            path.open("rb").close()
+        except OSError as error:
+            raise AccessError(
+                f"certificates = {directory}: {path.name}: {error.strerror};"
+                f" {name} needs {AUTHORITY}.pem, {name}.pem and {name}.key there"
+            ) from None
+    return identity
+
+
+def check_encrypted(kind: str, endpoints: Iterable[str]) -> None:
+    """``AccessError`` for an endpoint that would go around the certificates."""
+    for endpoint in endpoints:
+        protocol, _, rest = endpoint.partition("/")
+        if protocol not in ENCRYPTED:
+            raise AccessError(
+                f"{kind} = {endpoint!r}: with certificates it must be"
+                f" {' or '.join(f'{p}/{rest}' for p in ENCRYPTED)}"
+            )
+
+
+def settings(
+    identity: Identity,
+    listen: Collection[str],
+    connect: Collection[str],
+    direct_radio: bool = False,
+) -> Settings:
+    """All settings of a party with these endpoints; who listens is a gate.
+
+    ``direct_radio``: as for ``gate``. Raises ``AccessError`` for an endpoint without encryption.
+    """
+    check_encrypted("listen", listen)
+    check_encrypted("connect", connect)
+    found = tls(identity, bool(listen), bool(connect))
+    return found | gate(direct_radio=direct_radio) if listen else found
+
+
+def tls(identity: Identity, listens: bool, connects: bool) -> Settings:
+    """Settings for mutual TLS, in whichever direction connections are made.
+
+    A connection is closed when the certificate at its other end expires.
+    """
+    authority, certificate, key = (
+        str(path.absolute()) for path in (identity.authority, identity.certificate, identity.key)
+    )
+    found: Settings = {
+        "transport/link/tls/root_ca_certificate": authority,
+        "transport/link/tls/enable_mtls": True,
+        "transport/link/tls/verify_name_on_connect": True,
+        "transport/link/tls/close_link_on_expiration": True,
+        "transport/link/protocols": list(ENCRYPTED),
+        "transport/link/rx/max_message_size": MESSAGE_BYTES_MAX,
+    }
+    if listens:
+        found["transport/link/tls/listen_certificate"] = certificate
+        found["transport/link/tls/listen_private_key"] = key
+    if connects:
+        found["transport/link/tls/connect_certificate"] = certificate
+        found["transport/link/tls/connect_private_key"] = key
+        found["connect/retry"] = dict(RETRY)
+    return found
+
+
+def gate(robots: Iterable[str] = TEAM, run: str = "*", direct_radio: bool = False) -> Settings:
+    """Settings of the party that the others connect to: what each certificate may do there.
+
+    And that nobody is waited for who does not read (``encircle.protocol.zenoh.lanes``).
+    ``run``: a run's name, or any. ``direct_radio``: robots hear each other's poses themselves.
+    """
+    parts = {WORLD: world_part(run), VIEWER: viewer_part(run)}
+    parts |= {robot: robot_part(run, robot, direct_radio) for robot in robots}
+    rules = {name: _rules(name, part) for name, part in parts.items()}
+    # Gates may be connected to each other; each has judged what it passes on.
+    rules[ROUTER] = [_rule(f"{ROUTER} passes on", ALL_MESSAGES, ("ingress", "egress"), ("**",))]
+    return ROOM | GATE | {"access_control": _access_control(rules)}
+
+
+def robot_part(run: str, robot: str, direct_radio: bool = False) -> Part:
+    """A robot: speaks on its own keys, hears what is meant for it, sees whether the world lives."""
+    said = tuple(robot_key(run, robot, channel) for channel in ("pose", "command"))
+    told = tuple(robot_key(run, robot, channel) for channel in ("setup", "observation", "end"))
+    peers = (robot_key(run, "*", "pose"),) if direct_radio else ()
+    own = robot_key(run, robot, "alive")
+    return Part(
+        puts=said,
+        finds=(robot_key(run, "*", "*"),),
+        takes=(robot_key(run, robot, "*"), *peers),
+        hears=(*told, *peers),
+        lives=(own,),
+        watches=(own, world_key(run, "alive")),
+        tells=(robot_key(run, robot, "about"),),
+        asks=_about(run),
+    )
+
+
+def world_part(run: str) -> Part:
+    """The world: the other end of every robot's keys, and the truth for those who look on."""
+    told = tuple(robot_key(run, "*", channel) for channel in ("setup", "observation", "end"))
+    own = world_key(run, "alive")
+    return Part(
+        puts=(*told, world_key(run, "state")),
+        finds=(robot_key(run, "*", "*"), world_key(run, "state")),
+        takes=(robot_key(run, "*", "*"),),
+        hears=tuple(robot_key(run, "*", channel) for channel in ("pose", "command")),
+        lives=(own,),
+        watches=(own, robot_key(run, "*", "alive")),
+        tells=(world_key(run, "about"),),
+        asks=_about(run),
+    )
+
+
+def viewer_part(run: str) -> Part:
+    """Whoever looks on: hears the truth, sees who is there, says nothing."""
+    state = (world_key(run, "state"),)
+    return Part(
+        takes=state,
+        hears=state,
+        watches=(world_key(run, "alive"), robot_key(run, "*", "alive")),
+        asks=_about(run),
+    )
+
+
+def _about(run: str) -> tuple[str, ...]:
+    """Whom everybody may ask for versions and clock: ``encircle doctor`` does, on any host."""
+    return world_key(run, "about"), robot_key(run, "*", "about"), ROUTER_KEY
+
+
+def configuration_file(settings: Mapping[str, Any]) -> str:
+    """Settings as the text of a Zenoh configuration file, for a router that is not ours."""
+    tree: Settings = {}
+    for name, value in settings.items():
+        *path, last = name.split("/")
+        branch = tree
+        for part in path:
+            branch = branch.setdefault(part, {})
+        branch[last] = value
+    return json.dumps(tree, indent=2)
+
+
+def _access_control(rules: Mapping[str, list[Settings]]) -> Settings:
+    """Zenoh's ``access_control``: by certificate common name, and what is not allowed is denied."""
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [rule for own in rules.values() for rule in own],
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in rules],
+        "policies": [
+            {"rules": [rule["id"] for rule in own], "subjects": [name]}
+            for name, own in rules.items()
+        ],
+    }
+
+
+def _rules(name: str, part: Part) -> list[Settings]:
+    """A part as rules; a message comes in from the party (ingress) or goes out to it (egress)."""
+    asks = ("declare_liveliness_subscriber", "liveliness_query")
+    table = (
+        ("says", ("put",), "ingress", part.puts),
+        ("finds", ("declare_subscriber",), "egress", part.finds),
+        ("takes", ("declare_subscriber",), "ingress", part.takes),
+        ("hears", ("put",), "egress", part.hears),
+        ("lives", ("liveliness_token",), "ingress", part.lives),
+        ("watches", asks, "ingress", part.watches),
+        ("sees", ("liveliness_token",), "egress", part.watches),
+        ("tells", ("declare_queryable", "reply"), "ingress", part.tells),
+        ("is asked", ("query",), "egress", part.tells),
+        ("asks", ("query",), "ingress", part.asks),
+        ("is told", ("reply",), "egress", part.asks),
+    )
+    return [
+        _rule(f"{name} {verb}", messages, (flow,), expressions)
+        for verb, messages, flow, expressions in table
+        if expressions
+    ]
+
+
+def _rule(
+    name: str, messages: Iterable[str], flows: Iterable[str], expressions: Iterable[str]
+) -> Settings:
+    return {
+        "id": name,
+        "permission": "allow",
+        "messages": list(messages),
+        "flows": list(flows),
+        "key_exprs": list(expressions),
+    }

@@ -1,0 +1,141 @@
+"""How a party reaches the others: where it listens, where it connects, and as what.
+
+Everything goes through explicit endpoints, of the form ``protocol/address`` as in
+``tcp/127.0.0.1:7447``. A party that listens nowhere is a client: of the world itself, or of a
+router. One that listens is a peer, and a full mesh is peers that list each other. A Zenoh
+configuration file may say all this instead, and more. Certificates say who a party is
+(``encircle.protocol.zenoh.access_control``).
+
+A listener is reachable from this machine alone unless something authenticates who connects, or the
+user gives up authentication by name.
+"""
+
+import ipaddress
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from encircle.protocol.codec import BYTES_MAX
+
+Mode = Literal["client", "peer", "router"]
+
+CONNECT_S_MAX = 30.0
+MESSAGE_BYTES_MAX = max(BYTES_MAX.values()) + 1024
+"""The longest message of the protocol, and some more, so that one that is too long is counted."""
+BY_HOST_AND_PORT = ("tcp", "udp", "tls", "quic", "ws")
+ON_THIS_MACHINE = ("unixsock-stream", "unixpipe")
+OTHERS = ("serial", "vsock")
+ENDPOINT = "PROTOCOL/HOST:PORT, as in tcp/127.0.0.1:7447"
+_HOST_AND_PORT = re.compile(r"(\[[0-9A-Fa-f:.%\w]+\]|[^\s:\[\]/]+):(\d{1,5})")
+
+
+class LinkError(Exception):
+    """A link cannot be opened; the message says where and why."""
+
+
+class AccessError(LinkError):
+    """What was asked for is wrong in itself; the message names it and what would be right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who a party is: its certificate, the key to it, and the authority whose word it takes.
+
+    Paths of PEM files. Only the party itself should be able to read ``key``.
+    """
+
+    authority: Path
+    certificate: Path
+    key: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Where to listen and where to connect; raises ``AccessError`` for what cannot be meant.
+
+    ``mode``: None is what the configuration file says, else peer if it listens, else client.
+    ``config``: a Zenoh configuration file (JSON5), which the other fields overrule.
+    ``connect_s_max``: how long to go on trying, in s. ``identity``: with one, connections are made
+    with certificates alone, and who listens is a gate (``encircle.protocol.zenoh.access_control``),
+    with ``direct_radio`` one at which robots hear each other's poses. ``message_bytes_max``: Zenoh
+    drops longer messages as they come in, and keeps the session.
+    """
+
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    mode: Mode | None = None
+    config: Path | None = None
+    without_authentication: bool = False
+    connect_s_max: float = CONNECT_S_MAX
+    identity: Identity | None = None
+    direct_radio: bool = False
+    message_bytes_max: int = MESSAGE_BYTES_MAX
+
+    def __post_init__(self) -> None:
+        if not (self.listen or self.connect or self.config):
+            raise AccessError("neither an endpoint to listen on nor one to connect to: give one")
+        for endpoint in self.listen:
+            check_endpoint("listen", endpoint, port_min=0)
+        for endpoint in self.connect:
+            check_endpoint("connect", endpoint, port_min=1)
+        if self.mode == "client" and self.listen:
+            raise AccessError(f"listen = {self.listen[0]}: a client only connects")
+
+    def __str__(self) -> str:
+        return ", ".join((*self.listen, *self.connect)) or str(self.config)
+
+
+def check_endpoint(kind: str, endpoint: str, port_min: int = 1) -> None:
+    """``AccessError`` if it is no endpoint; ``kind`` names the setting in the message."""
+    wrong = AccessError(f"{kind} = {endpoint!r}: must be {ENDPOINT}")
+    protocol, separator, rest = endpoint.partition("/")
+    if not separator or not rest:
+        raise wrong
+    if protocol in BY_HOST_AND_PORT:
+        found = _HOST_AND_PORT.fullmatch(_address(endpoint))
+        if found is None or not port_min <= int(found[2]) <= 65535:
+            raise wrong
+    elif protocol not in (*ON_THIS_MACHINE, *OTHERS):
+        known = ", ".join(BY_HOST_AND_PORT)
+        raise AccessError(f"{kind} = {endpoint!r}: protocol {protocol!r} is not one of {known}")
+
+
+def host_and_port(endpoint: str) -> tuple[str, int]:
+    """Host and port of an endpoint that has them and has been checked."""
+    found = _HOST_AND_PORT.fullmatch(_address(endpoint))
+    assert found is not None, endpoint
+    return found[1].strip("[]"), int(found[2])
+
+
+def reachable_from_elsewhere(endpoints: Iterable[str]) -> tuple[str, ...]:
+    """Those of some listening endpoints that another machine may be able to connect to."""
+    return tuple(endpoint for endpoint in endpoints if not _is_local(endpoint))
+
+
+def _is_local(endpoint: str) -> bool:
+    protocol = endpoint.partition("/")[0]
+    if protocol not in BY_HOST_AND_PORT:
+        return protocol in ON_THIS_MACHINE
+    host = _address(endpoint).rpartition(":")[0].strip("[]")
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _address(endpoint: str) -> str:
+    """The address alone, without Zenoh's metadata (``?``) and settings (``#``) of an endpoint."""
+    return re.split(r"[?#]", endpoint.partition("/")[2])[0]
+
+
+def here(endpoint: str) -> str:
+    """The endpoint by which this machine itself reaches what listens on ``endpoint``."""
+    protocol, _, rest = endpoint.partition("/")
+    for everywhere, loopback in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
+        if rest.startswith(everywhere):
+            return f"{protocol}/{loopback}{rest.removeprefix(everywhere)}"
+    return endpoint

@@ -1,0 +1,99 @@
+"""What a party says of itself when it is asked: who it is, its versions, what its clock shows.
+
+World, robots and router answer a Zenoh query on a key of their own, with one msgpack map. It takes
+no part in a run and in no digest; ``encircle doctor`` asks, and so can anybody else. A robot of
+other make need not answer. The two times of the answer, together with those of asking and of
+hearing it, are what an estimate of the offset between two clocks is made of.
+
+Answers of any wire version are read, since to find out about it is what one asks for.
+"""
+
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import msgpack
+
+from encircle.protocol import VERSION
+from encircle.protocol.errors import MalformedMessage, OversizedMessage
+
+ROUTER_KEY = "encircle/router/about"
+"""No run's key looks like it: theirs go on with ``robots`` or ``world``."""
+BYTES_MAX = 2048
+TEXT_MAX = 64
+VERSIONS_MAX = 16
+TIME_US_MAX = 2**53 - 1
+PACKAGES = ("encircle", "eclipse-zenoh")
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """A party's answer. ``versions``: by package, and of Python; times: its clock, Unix time in us.
+
+    ``wire``: the version of the wire format it speaks. ``received_us``: when it was asked;
+    ``sent_us``: when it answered.
+    """
+
+    party: str
+    wire: int
+    versions: Mapping[str, str]
+    received_us: int
+    sent_us: int
+
+
+@lru_cache(maxsize=1)
+def own_versions() -> dict[str, str]:
+    """Versions of this party's Python and packages."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:  # run from a directory that nothing was installed from
+            found[name] = "not installed"
+    return found
+
+
+def replier(party: str, clock_us: Callable[[], int]) -> Callable[[], bytes]:
+    """A function that makes this party's answer to the query that has just come in."""
+    versions = own_versions()
+
+    def reply() -> bytes:
+        received_us = clock_us()
+        head = {"v": VERSION, "party": party, "versions": versions, "received_us": received_us}
+        payload: bytes = msgpack.packb({**head, "sent_us": clock_us()})
+        return payload
+
+    return reply
+
+
+def read(payload: bytes) -> About:
+    """Decode an answer; ``OversizedMessage`` or ``MalformedMessage`` if it is none."""
+    if len(payload) > BYTES_MAX:
+        raise OversizedMessage(f"an answer of {len(payload)} bytes, at most {BYTES_MAX} may be")
+    try:
+        body = msgpack.unpackb(payload)
+    except Exception as error:  # msgpack raises ValueError, TypeError, StackError and others
+        raise MalformedMessage(f"the answer is not msgpack: {error or type(error)}") from error
+    if type(body) is not dict:
+        raise MalformedMessage("the answer is not a map")
+    versions = body.get("versions")
+    if not (
+        _is_text(body.get("party"))
+        and all(_is_count(body.get(name)) for name in ("v", "received_us", "sent_us"))
+        and type(versions) is dict
+        and len(versions) <= VERSIONS_MAX
+        and all(_is_text(part) for pair in versions.items() for part in pair)
+    ):
+        raise MalformedMessage("the answer lacks v, party, versions, received_us or sent_us")
+    return About(body["party"], body["v"], versions, body["received_us"], body["sent_us"])
+
+
+def _is_text(value: Any) -> bool:
+    return type(value) is str and len(value) <= TEXT_MAX and value.isprintable()
+
+
+def _is_count(value: Any) -> bool:
+    return type(value) is int and 0 <= value <= TIME_US_MAX

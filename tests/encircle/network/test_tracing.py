@@ -1,0 +1,207 @@
+"""Traces of recorded runs: the channel that replays one loses and delays what the network did."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+from helpers_networks import DRIFTS, OFFSETS_US, delays_us, lossier, lossy
+from helpers_real_time import Simulated, by_clock
+from rich.console import Console
+from typer.testing import CliRunner
+
+from encircle.cli.main import app
+from encircle.network.tracing import NetworkTrace, Row, TraceFileError, trace_of, write_trace
+from encircle.network.transport import show, traffic_of
+from encircle.replay.replaying import read_recording
+from encircle.runlog.runlog import RunLog
+from encircle.runner.hunts import run
+from encircle.world.network.transport import links_of
+from encircle.world.recording.recording import RecordingError
+from encircle.world.scenario.trace_files import read_trace, rows_of
+
+TICKS = 160
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A run over a network that loses a fifth of everything, with its directory."""
+    out = tmp_path_factory.mktemp("recorded") / "run"
+    scenario = by_clock("radio=direct", f"ticks_max={TICKS}")
+    played = Simulated(scenario, lossy, OFFSETS_US, DRIFTS, out=out)
+    played.run()
+    return played
+
+
+def test_the_ledger_of_a_recording_is_that_of_the_run(recorded):
+    read = traffic_of(read_recording(recorded.out))
+    assert read.stays == recorded.world.traffic.stays
+    assert read.injected == recorded.world.traffic.injected
+    assert links_of(read) == links_of(recorded.world.traffic)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_recorded_converted_and_replayed_the_losses_are_those_of_the_network(
+    recorded, tmp_path, suffix
+):
+    path = tmp_path / f"network{suffix}"
+    write_trace(trace_of(read_recording(recorded.out)), path)
+    table = f'{{model="trace",file="{path}"}}'
+    ticks = 100
+    hunt = {
+        "ticks_max": ticks,
+        "team": {"robots": 4},
+        "target": {"behaviour": "still"},
+        "tick_s": 0.02,
+    }
+    overrides = [f"channel.loss={table}", f"channel.delay={table}", "capture.stop_distance_m=1.01"]
+    run(hunt, link="memory", overrides=overrides, out=tmp_path / "replayed")
+    due = RunLog.of_recording(read_recording(tmp_path / "replayed")).due
+    ids = recorded.scenario.ids
+    for i, sender in enumerate(ids):
+        for k, receiver in enumerate(ids):
+            if i == k:
+                continue
+            truth = recorded.sent[sender, receiver, "pose"]
+            first = truth.index(False)
+            wanted = truth[first : first + len(due)]
+            assert len(wanted) >= 60
+            assert (due[: len(wanted), i, k] < 0).tolist() == wanted
+            # Delays of a millisecond or two: one tick, as all that is not lost.
+            sent_ticks = np.arange(len(wanted))[~np.array(wanted)]
+            assert (due[sent_ticks, i, k] == sent_ticks + 1).all()
+
+
+def test_delays_in_the_file_are_those_of_the_network_within_the_clocks_bounds(recorded, tmp_path):
+    path = tmp_path / "network.csv"
+    write_trace(trace_of(read_recording(recorded.out)), path)
+    rows = rows_of(read_trace(path), "delay")
+    [values] = [x["values"] for x in rows["links"] if (x["sender"], x["receiver"]) == ("r1", "r2")]
+    truth = [lossy("r1", "r2", "pose", k) for k in range(TICKS)]
+    truth = truth[next(k for k, t in enumerate(truth) if t is not None) :]
+    assert [v is None for v in values] == [t is None for t in truth[: len(values)]]
+    known = [(v, t / 1e6) for v, t in zip(values, truth, strict=False) if v is not None]
+    # A packet that the world never got has no known time of sending; its delay is the median.
+    close = sum(abs(v - t) < 0.003 for v, t in known)
+    assert close == len(known)
+
+
+def test_a_run_through_the_world_has_the_way_there_and_on(tmp_path):
+    played = Simulated(by_clock(), delays_us, OFFSETS_US, DRIFTS, out=tmp_path / "run")
+    played.run()
+    trace = trace_of(read_recording(tmp_path / "run"))
+    assert trace.delays_refused is None
+    rows = [row for row in trace.rows if (row.sender, row.receiver) == ("r1", "r3")]
+    assert len(rows) >= 98
+    for number, row in enumerate(rows[:90]):
+        up_us = delays_us("r1", "world", "pose", number)
+        down_us = delays_us("world", "r3", "observation", number + 1)
+        assert row.lost == 0
+        assert abs(row.delay_s - (up_us + down_us) / 1e6) < 0.004
+
+
+def test_with_an_observation_that_is_lost_go_the_packets_that_it_brings(tmp_path):
+    played = Simulated(by_clock(), lossier, OFFSETS_US, DRIFTS, out=tmp_path / "run")
+    played.run()
+    trace = trace_of(read_recording(tmp_path / "run"))
+    up, down = played.sent["r1", "world", "pose"], played.sent["world", "r3", "observation"]
+    rows = [row for row in trace.rows if (row.sender, row.receiver) == ("r1", "r3")]
+    assert len(rows) > 60
+    # Packets are sent in answer to the observations that came.
+    ticks = [
+        tick for tick, lost in enumerate(played.sent["world", "r1", "observation"]) if not lost
+    ]
+    truth = [up[k] or down[tick + 1] for k, tick in enumerate(ticks[: len(rows)])]
+    assert [bool(row.lost) for row in rows] == truth
+
+
+def test_without_good_clocks_the_losses_are_told_without_delays(tmp_path):
+    trace = NetworkTrace([Row("r1", "r2", 0, 0.001), Row("r1", "r2", 1, None)], "clocks", 0)
+    write_trace(trace, tmp_path / "t.csv")
+    with open(tmp_path / "t.csv", newline="") as file:
+        assert list(csv.reader(file)) == [
+            ["sender", "receiver", "lost"],
+            ["r1", "r2", "0"],
+            ["r1", "r2", "1"],
+        ]
+
+
+def cli(*arguments: object):
+    """What ``encircle`` says and how it ends, with errors that its entry point turns to lines."""
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def test_a_target_that_exists_is_left_alone(recorded, tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("precious")
+    found = cli("trace", recorded.out, "--out", path)
+    assert isinstance(found.exception, TraceFileError)
+    assert str(found.exception) == f"{path} exists: choose another --out, nothing was changed"
+    assert path.read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", ["t.txt", "t"])
+def test_a_target_of_another_kind_is_refused_before_anything_is_read(tmp_path, name):
+    found = cli("trace", tmp_path / "nothing", "--out", tmp_path / name)
+    assert "must end in .csv or .parquet" in str(found.exception)
+
+
+def test_a_run_in_lock_step_is_refused(tmp_path):
+    run({"ticks_max": 3, "team": {"robots": 2}}, link="memory", out=tmp_path / "run")
+    for command in (
+        ["trace", tmp_path / "run", "--out", tmp_path / "t.csv"],
+        ["transport", tmp_path / "run"],
+    ):
+        found = cli(*command)
+        assert isinstance(found.exception, RecordingError)
+        assert "clock = 'lockstep'" in str(found.exception)
+        assert "\n" not in str(found.exception)
+    assert not (tmp_path / "t.csv").exists()
+
+
+def test_a_foreign_recording_is_refused(tmp_path):
+    (tmp_path / "recording.mcap").write_bytes(b"something else")
+    found = cli("trace", tmp_path, "--out", tmp_path / "t.csv")
+    assert "is not a recording of this program" in str(found.exception)
+
+
+def test_a_directory_that_is_not_there_is_refused(recorded, tmp_path):
+    found = cli("trace", recorded.out, "--out", tmp_path / "no" / "t.csv")
+    assert "cannot be written: No such file or directory" in str(found.exception)
+
+
+def test_the_tables_of_transport_are_shown(recorded):
+    found = cli("transport", recorded.out)
+    assert found.exit_code == 0
+    assert "what the network did" in found.stdout
+    assert "clocks" in found.stdout
+
+
+def shown(changes: dict, width: int = 80) -> str:
+    """The tables of a report with two links and a clock, on a terminal as wide as that."""
+    named = {"sender": "r1", "receiver": "world"}
+    delays = {"delay_s_median": None, "delay_s_p99": None, "delay_s_error": 0.5}
+    link = named | delays | {"carries": "pose", "sent": 7, "lost": 0, "unknown": 0}
+    fate = named | {"sent": 7, "copied": 0, "lost": {}, "delay_s_mean": 0.02, "delay_s_max": 0.02}
+    found = {
+        "tick_s": 0.02,
+        "links": [link | {"delay_refused": reason} for reason in ("because", "because", None)],
+        "injected": [fate | changes],
+        "clocks": [],
+        "incomplete_from_tick": None,
+    }
+    console = Console(width=width, file=io.StringIO())
+    show(found, console)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_why_there_is_no_delay_stands_once_below_the_table():
+    assert shown({}).count("because") == 1
+    assert "no delay for 2 of 3 links: because\n" in shown({})
+
+
+@pytest.mark.parametrize("did", [{"lost": {"loss": 1}}, {"copied": 1}, {"delay_s_max": 0.04}])
+def test_what_was_injected_is_shown_if_anything_was(did):
+    assert "injected" in shown(did)
+    assert "injected" not in shown({})

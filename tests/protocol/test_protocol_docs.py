@@ -1,0 +1,276 @@
+"""What docs/protocol.md says of the wire, against the code: bytes, digest, limits and the robot.
+
+The page's own programs are taken out of it and run, so they cannot fall behind.
+"""
+
+import cmath
+import json
+import re
+import runpy
+import subprocess
+import sys
+from contextlib import ExitStack
+from itertools import permutations
+from math import pi
+
+import numpy as np
+import pytest
+from helpers_hosts import Party, wait_for_robots
+from helpers_paths import DOCS
+from helpers_protocol_page import PAGE, program, section
+from helpers_waiting import communicated, ended, until
+
+import encircle
+from encircle.agents.policies.strategies import BUILT_IN, View
+from encircle.protocol import VERSION
+from encircle.protocol.codec import BYTES_MAX
+from encircle.protocol.keys import world_key
+from encircle.protocol.lockstep import TABLE, Move, Phase
+from encircle.protocol.parameters import Parameters
+from encircle.protocol.zenoh.access_control import RETRY, configuration_file
+from encircle.protocol.zenoh.configuration import configuration
+from encircle.protocol.zenoh.connection import open_session
+from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.lanes import GATE, ROOM, ROUND, SHOWN, SURE
+from encircle.runner.launch import free_endpoint
+from encircle.world.arena.capture import is_captured
+
+SECURITY = (DOCS / "security.md").read_text(encoding="utf-8")
+HEX_COLUMNS = 47
+
+
+def test_the_page_is_of_this_version_and_its_limits_are_the_codecs():
+    assert f"It describes version {VERSION}," in PAGE
+    rows = re.findall(r"^\| (\w+) \| ([\d,]+) \|$", section("Messages"), re.MULTILINE)
+    limits = {kind: int(size.replace(",", "")) for kind, size in rows}
+    assert limits == {kind.__name__: size for kind, size in BYTES_MAX.items()}
+
+
+@pytest.mark.parametrize("kind", BYTES_MAX, ids=lambda kind: kind.__name__)
+def test_every_field_has_its_row_in_the_order_of_the_wire(kind):
+    text = re.search(rf"\n### {kind.__name__}\n(.*?)(\n### |\Z)", section("Messages"), re.DOTALL)[1]
+    rows = re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)
+    named = [name.strip("`") for row in rows for name in row.split(", ")]
+    assert named == list(kind.__slots__)
+
+
+def test_the_table_of_a_round_is_the_codes():
+    header, _, *rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in section("A round").split("\n### ")[0].splitlines()
+        if line.startswith("|")
+    ]
+    printed = {
+        (Phase(row[0]), Move(move)): Phase(after)
+        for row in rows
+        for move, after in zip(header[1:], row[1:], strict=True)
+        if after
+    }
+    assert printed == TABLE
+
+
+def test_the_rules_on_lanes_are_those_of_the_code():
+    printed = json.loads(re.search(r"```json\n(.*?)```", section("Session"), re.DOTALL)[1])
+    assert printed == json.loads(configuration_file(ROOM | GATE))
+    rows = re.findall(r"^\| (\w+) \|[^|]*\| `(\w+)` \|", section("Session"), re.MULTILINE)
+    assert rows == [("round", ROUND), ("sure", SURE), ("shown", SHOWN)]
+
+
+def test_the_round_in_bytes_is_what_its_program_prints(capsys):
+    exec(program("A round in bytes"), {})
+    sent = {line.split(" ", 2)[2] for line in capsys.readouterr().out.splitlines()}
+    text = section("A round in bytes")
+    blocks = re.findall(r"```\n(.*?)```", text, re.DOTALL)
+    printed = [" ".join(line[:HEX_COLUMNS].strip() for line in b.splitlines()) for b in blocks]
+    assert len(printed) == 8
+    for line in printed:
+        assert line in sent
+        assert len(bytes.fromhex(line)) in map(int, re.findall(r"(\d+) bytes", text))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [],
+        ['channel.loss={model="bernoulli",rate=0.3}', "robot.detections=relay"],
+        ["robot.publish=event", "robot.detections=relay", "seed=7", "title=Another"],
+        ["robot.publish_every_ticks=3", "ticks_max=20", "sensing.noise_m_std=0.05"],
+        ["robot.publish_every_ticks=2", "channel.duplication.rate=0.5"],
+    ],
+    ids=["plain", "relayed", "event", "third", "copied"],
+)
+def test_the_digest_of_a_recording_is_the_one_its_program_prints(
+    changes, tmp_path, monkeypatch, capsys
+):
+    hunt = encircle.run("sim1", link="memory", out=tmp_path / "run", overrides=changes)
+    (tmp_path / "digest.py").write_text(program("The digest"))
+    monkeypatch.setattr(sys, "argv", ["digest.py", str(tmp_path / "run" / "recording.mcap")])
+    runpy.run_path(str(tmp_path / "digest.py"), run_name="__main__")
+    assert capsys.readouterr().out.strip() == hunt.digest
+
+
+def test_the_whole_robot_of_the_page_takes_part_in_a_hunt(tmp_path):
+    script = tmp_path / "my_robot.py"
+    script.write_text(program("A whole robot"))
+    endpoint = free_endpoint()
+    world = subprocess.Popen(
+        [
+            *(
+                sys.executable,
+                "-m",
+                "encircle.world",
+                "sim1",
+                "--listen",
+                endpoint,
+                "--run",
+                "demo",
+            ),
+            *("--set", "ticks_max=40", "--json"),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    robots = [
+        subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "encircle.agents",
+                f"r{k}",
+                "--connect",
+                endpoint,
+                "--run",
+                "demo",
+            ],
+            stderr=subprocess.DEVNULL,
+        )
+        for k in (1, 2, 3)
+    ]
+    try:
+        wait_for_robots(endpoint, "demo", 3)
+        guest = [sys.executable, str(script), "r4", "demo", endpoint]
+        robots.append(subprocess.Popen(guest, stdout=subprocess.DEVNULL))
+        out, _ = communicated(world)
+        statuses = [ended(robot) for robot in robots]
+    finally:
+        for process in (world, *robots):
+            process.kill()
+            process.wait()
+    result = next(
+        report["result"] for report in map(json.loads, out.splitlines()) if "result" in report
+    )
+    assert result["refused"] == {}
+    assert result["ended"] in ("captured", "ticks")
+    assert statuses == [0] * 4
+
+
+def test_the_settings_of_robots_and_viewers_are_the_ones_used():
+    config = configuration(Access(connect=("tcp/127.0.0.1:1",)))
+    plain, certified = (
+        re.findall(r"^\| `connect/retry` \| `(\{.*?\})`", page, re.MULTILINE)
+        for page in (PAGE, SECURITY)
+    )
+    assert [json.loads(text) for text in plain] == [json.loads(config.get_json("connect/retry"))]
+    assert [json.loads(text) for text in certified] == [RETRY]
+
+
+def test_the_viewer_of_the_page_sees_a_hunt_until_its_world_is_gone(tmp_path):
+    script = tmp_path / "my_viewer.py"
+    script.write_text(program("Looking on"))
+    endpoint = free_endpoint()
+    with ExitStack() as stack:
+
+        def start(name, *command):
+            party = Party([sys.executable, *command], tmp_path / name, {})
+            stack.callback(party.kill)
+            return party
+
+        world = start(
+            *(
+                "world",
+                "-m",
+                "encircle.world",
+                "sim1",
+                "--listen",
+                endpoint,
+                "--run",
+                "demo",
+                "--json",
+            )
+        )
+        world.wait_until(lambda party: any("listening" in report for report in party.reports()))
+        viewer = start("viewer", str(script), "demo", endpoint)
+        session = stack.enter_context(open_session(Access(connect=(endpoint,))))
+        shown = session.declare_publisher(world_key("demo", "state"))
+        until(lambda: shown.matching_status, "the viewer")
+        for k in range(1, 5):
+            start(f"r{k}", "-m", "encircle.agents", f"r{k}", "--connect", endpoint, "--run", "demo")
+        assert world.end() == 0
+        assert viewer.end() == 0
+        ticks = [int(line.split()[0]) for line in viewer.printed_text().splitlines()]
+    assert ticks == sorted(set(ticks))
+    assert 0 < len(ticks) <= world.result()["ticks"] + 1
+    assert ticks[0] == 0
+
+
+def test_the_strategies_of_the_page_are_the_ones_there_are():
+    rows = re.findall(r"^\| (`xi.*?|`pursuit`) \|", section("The hunt"), re.MULTILINE)
+    assert [name.strip("`") for row in rows for name in row.split(", ")] == list(BUILT_IN)
+
+
+def test_a_capture_is_what_the_page_says():
+    draws = np.random.default_rng(5)
+    stop_m = 1.3
+    for _ in range(4000):
+        count = int(draws.integers(2, 7))
+        places = draws.normal(0.0, 1.0, (count, 2))
+        asked = int(draws.integers(1, 6))
+        near = [complex(x, y) for x, y in places if abs(complex(x, y)) <= stop_m]
+        bearings = sorted(cmath.phase(ray) for ray in near)
+        after = [*bearings[1:], *(bearing + 2 * pi for bearing in bearings[:1])]
+        gaps = [b - a for a, b in zip(bearings, after, strict=True)]
+        said = len(near) >= max(3, asked) and max(gaps) < pi
+        assert is_captured(places, stop_m, asked) == said
+
+
+def test_ring_points_and_shrinking_are_what_the_page_says():
+    draws = np.random.default_rng(6)
+    known = Parameters()
+    assert "at most 1.5 `ring_radius_m`" in " ".join(PAGE.split())
+    modes = set()
+    target, ahead = (0.0, 0.0), complex(0.5, -0.25)
+
+    def predict(grid):
+        return np.array([[ahead.real, ahead.imag]] * len(grid)), "as told"
+
+    for _ in range(600):
+        count = int(draws.integers(3, 7))
+        turns = np.sort(draws.uniform(0.0, 2 * pi, count))
+        away = draws.uniform(3.0, 6.2, count)
+        team = [
+            (float(x), float(y))
+            for x, y in zip(away * np.cos(turns), away * np.sin(turns), strict=True)
+        ]
+        view = View(1, team, target, predict, known)
+        choice = BUILT_IN["xi-3"](view)
+        gaps = np.diff([*turns, turns[0] + 2 * pi])
+        closes = away.max() <= 1.5 * known.ring_radius_m and gaps.max() <= 0.9 * pi
+        assert choice.mode == ("shrink" if closes else "encircle")
+        modes.add(choice.mode)
+        if closes:
+            assert choice.goal == target
+            continue
+        u = complex(*team[int(away.argmax())]) / away.max()
+        points = [
+            ahead + known.ring_radius_m * cmath.rect(1, 2 * pi * q / count) * u
+            for q in range(count)
+        ]
+        assert complex(*choice.goal) == pytest.approx(points[choice.point], abs=1e-9)
+        ways = [[abs(complex(*place) - point) for point in points] for place in team]
+        shared = min(
+            permutations(range(count)),
+            key=lambda p: sum(w[q] for w, q in zip(ways, p, strict=True)),
+        )
+        assert choice.point == shared[1]
+    assert modes == {"shrink", "encircle"}

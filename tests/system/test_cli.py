@@ -1,0 +1,216 @@
+"""The command line as a person or a script meets it: output, exit status, errors in one line."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from helpers_waiting import completed
+
+import encircle
+
+REQUIRED = {
+    "scenario",
+    "seed",
+    "link",
+    "robots",
+    "processes",
+    "captured",
+    "capture_tick",
+    "ticks",
+    "digest",
+    "wall_s",
+    "out",
+}
+
+
+def command(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return completed([sys.executable, "-m", "encircle", *arguments], cwd=folder)
+
+
+def test_run_prints_one_json_object_and_nothing_else_on_standard_output(tmp_path):
+    done = command(tmp_path, "run", "sim1", "--json", "--out", "here")
+    assert done.returncode == 0
+    answer = json.loads(done.stdout)
+    assert set(answer) >= REQUIRED
+    assert (answer["link"], answer["robots"], answer["processes"]) == ("zenoh", 4, 5)
+    assert answer["digest"] == encircle.run("sim1", link="memory").digest
+    written = sorted(p.name for p in (tmp_path / "here").iterdir())
+    assert written == ["recording.mcap", "summary.json", "trajectory.png"]
+
+
+def test_run_ends_in_a_table_with_the_paths(tmp_path):
+    done = command(tmp_path, "run", "sim1", "--link", "memory", "--seed", "5")
+    assert done.returncode == 0
+    for said in ("captured", "at tick", "packets sent", "runs/sim1-seed5-1/recording.mcap"):
+        assert said in done.stdout
+    assert (tmp_path / "runs/sim1-seed5-1/trajectory.png").stat().st_size > 10_000
+
+
+def test_a_second_run_gets_a_directory_of_its_own(tmp_path):
+    for _ in range(2):
+        command(tmp_path, "run", "sim1", "--link", "memory", "--set", "ticks_max=3")
+    assert len(list((tmp_path / "runs").iterdir())) == 2
+
+
+def test_scenarios_lists_those_of_the_paper(tmp_path):
+    done = command(tmp_path, "scenarios")
+    assert [line.split()[0] for line in done.stdout.splitlines()] == [
+        f"sim{k}" for k in range(1, 6)
+    ]
+    assert set(json.loads(command(tmp_path, "scenarios", "--json").stdout)) == set(
+        encircle.shipped()
+    )
+
+
+def test_replay_check_passes_on_an_honest_recording(tmp_path):
+    encircle.run("sim2", link="memory", out=tmp_path / "run")
+    done = command(tmp_path, "replay", "run", "--check", "--json")
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["same"] is True
+
+
+@pytest.mark.parametrize("options", [(), ("--check",), ("--json",), ("--check", "--json")])
+def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options):
+    encircle.run("sim1", link="memory", out=tmp_path / "run")
+    whole = command(tmp_path, "replay", "run", *options)
+    assert whole.stderr == ""
+    path = tmp_path / "run" / "recording.mcap"
+    path.write_bytes(path.read_bytes()[:-5000])
+    done = command(tmp_path, "replay", "run", *options)
+    assert done.returncode == 0
+    assert "recording.mcap is cut off or damaged: it can be read up to tick" in done.stderr
+    assert done.stdout.count("\n") == whole.stdout.count("\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "nowhere"], "neither a file nor one of"),
+        (["run", "sim1", "--link", "pigeon"], "pigeon"),
+        (["run", "sim1", "--set", "target.speed=3"], "target.speed = 3: unknown key"),
+        (["run", "sim1", "--set", "team.strategy=guess"], "unknown strategy"),
+        (["run", "sim1", "--set", "nonsense"], "must be key=value"),
+        (["run", "sim11"], "(did you mean 'sim1'?)"),
+        (["run", "loss-delay"], "'loss-delay' is a study: encircle study loss-delay"),
+        (["run", "study.toml"], "has scenario, so it is a study: encircle study study.toml"),
+        (
+            ["study", "sim2"],
+            "'sim2' is a scenario, which has no axes: to run it once, encircle run",
+        ),
+        (["study", "mine.toml"], "'mine.toml' is a scenario, which has no axes"),
+        (["study", "los"], "(did you mean 'loss'?)"),
+        (["run", "sim1", "--out", "full"], "full is not empty"),
+        (["replay", "absent"], "absent cannot be read"),
+        (["world", "sim1", "--listen", "tcp/127.0.0.1:1", "--run", "a/b"], "not a valid name"),
+        (["world", "sim1", "--listen", "here", "--run", "a"], "'here': must be PROTOCOL/HOST:PORT"),
+        (["world", "sim1", "--run", "a"], "neither an endpoint to listen on"),
+        (["world", "sim1", "--listen", "tcp/0.0.0.0:1", "--run", "a"], "--without-authentication"),
+        (["world", "sim1", "--out", "a", "--runs", "b", "--run", "a"], "give one of them"),
+        (["robot", "r1", "--connect", "tcp/127.0.0.1:1"], "--run is missing"),
+        (["robot", "--run", "a", "--connect", "tcp/127.0.0.1:1"], "set ENCIRCLE_ROBOT"),
+        (["router"], "neither an endpoint to listen on"),
+        (["alive", "weather"], "'weather' is not one of router, world, robot"),
+        (["fly"], "fly"),
+    ],
+)
+def test_bad_usage_is_status_2_and_names_the_thing(tmp_path, arguments, said):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "precious").write_text("keep me")
+    (tmp_path / "study.toml").write_text('scenario = "sim1"\nseeds = 3\n')
+    (tmp_path / "mine.toml").write_text("[team]\nrobots = 3\n")
+    done = command(tmp_path, *arguments)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "full" / "precious").read_text() == "keep me"
+
+
+@pytest.mark.parametrize("name", ["robot", "world", "router", "alive", "doctor"])
+def test_commands_that_are_programs_of_their_own_explain_themselves(tmp_path, name):
+    done = command(tmp_path, name, "--help")
+    assert done.returncode == 0
+    assert done.stdout.startswith(f"usage: encircle {name} ")
+    assert "[ENCIRCLE_CONNECT]" in done.stdout
+
+
+def test_settings_for_single_parties_do_not_reach_a_run_of_all(tmp_path, monkeypatch):
+    """As in a container, where the environment says where a robot is to connect."""
+    expected = encircle.run("sim1", link="memory").digest
+    monkeypatch.setenv("ENCIRCLE_CONNECT", "tcp/127.0.0.1:1")
+    monkeypatch.setenv("ENCIRCLE_SET", "target.step_m_max=0.1")
+    done = command(tmp_path, "run", "sim1", "--json")
+    assert json.loads(done.stdout)["digest"] == expected
+
+
+def test_all_errors_of_a_scenario_are_shown_at_once(tmp_path):
+    (tmp_path / "bad.toml").write_text(
+        'ticks_max = 0\nspeed = 2\n[team]\nrobots = -1\n[channel.loss]\nrate = "much"\n'
+    )
+    said = command(tmp_path, "run", "bad.toml").stderr
+    for key in ("ticks_max = 0", "speed = 2", "team.robots = -1", "channel.loss.rate = 'much'"):
+        assert key in said
+
+
+def test_the_program_starts_without_the_plotting_library():
+    modules = "encircle.cli.main, encircle.runner.hunts, encircle.runner.launch"
+    code = f"import sys, {modules}; print(*sys.modules)"
+    done = completed([sys.executable, "-c", code])
+    assert done.returncode == 0, done.stderr
+    assert not {"matplotlib", "scipy", "encircle.agents.brain.brain"} & set(done.stdout.split())
+
+
+def test_a_robot_imports_only_what_a_robot_uses():
+    code = (
+        "import sys; from encircle.agents.process.deferred_imports import postponed\n"
+        "with postponed('scipy.stats', 'scipy.ndimage'):\n"
+        "    import encircle.agents.process.robot\n"
+        "print(*sys.modules)"
+    )
+    done = completed([sys.executable, "-c", code])
+    loaded = set(done.stdout.split())
+    assert "filterpy.kalman.kalman_filter" in loaded
+    unwanted = {"world", "encircle", "matplotlib", "pydantic", "mcap", "typer", "rich"}
+    assert not (unwanted | {"scipy.stats", "scipy.ndimage"}) & loaded
+
+
+def test_what_was_postponed_works_when_it_is_used():
+    code = (
+        "from encircle.agents.process.deferred_imports import postponed\n"
+        "with postponed('scipy.stats', 'scipy.ndimage'):\n"
+        "    import filterpy.stats\n"
+        "import scipy.stats\n"
+        "print(filterpy.stats.logpdf(1.0, 0.0, 1.0) == scipy.stats.norm.logpdf(1.0))"
+    )
+    done = completed([sys.executable, "-c", code])
+    assert done.stdout.strip() == "True", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "give a scenario, or --resume RUN"),
+        (("sim1", "--when-lost", "panic"), "'panic' is not one of go-on, end"),
+        (("sim1", "--resume", "here"), "goes with neither a scenario nor --seed, --set or --out"),
+        (("--resume", "here", "--seed", "3"), "goes with neither a scenario nor"),
+        (("--resume", "nowhere"), "nowhere"),
+    ],
+)
+def test_a_run_that_cannot_be_meant_is_refused_with_a_line(tmp_path, arguments, said):
+    done = command(tmp_path, "run", *arguments)
+    assert done.returncode == 2
+    assert said in " ".join(done.stderr.replace("│", " ").split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_is_complete_is_not_resumed_nor_under_another_name(tmp_path):
+    encircle.run("sim2", link="memory", out=tmp_path / "run")
+    done = command(tmp_path, "run", "--resume", "run")
+    assert done.returncode == 2
+    [line] = [line for line in done.stderr.splitlines() if line.startswith("encircle:")]
+    assert "this run has come to its end" in line
+    other = command(tmp_path, "world", "--resume", "run", "--run", "b", "--listen", "tcp/[::1]:0")
+    assert other.returncode == 2
+    assert "--run b: the run in run is run-" in other.stderr

@@ -1,0 +1,306 @@
+"""Liveliness tokens of strangers: one on an expression is nobody's, whatever it matches.
+
+A token may be declared on ``**`` and then matches the key of every party. Zenoh tells of it by its
+own expression, beside those that it matches, which come and go as if it were not there.
+"""
+
+import asyncio
+import queue
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from functools import partial
+
+import pytest
+import zenoh
+from helpers_agents import BODIES
+from helpers_hosts import Party, wait_for_robots
+from helpers_hunt import ROBOTS
+from helpers_paths import STRANGER as STRANGER_FOLDER
+from helpers_protocol_page import program
+from helpers_security import Lab, free_endpoint
+from helpers_waiting import LONGEST_S, taken, until
+
+from encircle.agents.brain.robot_core import RobotCore
+from encircle.agents.process import robot as shell
+from encircle.agents.process.real_time import is_timed
+from encircle.agents.process.robot import _Life, _Supervisor
+from encircle.protocol.codec import encode
+from encircle.protocol.errors import UnknownKey
+from encircle.protocol.keys import robot_key, world_key
+from encircle.protocol.messages import Observation, Setup
+from encircle.protocol.programs.router import Tokens
+from encircle.protocol.zenoh import unique_names as one_of_a_name
+from encircle.protocol.zenoh.connection import alive_keys, is_alive, open_session, subscribe_alive
+from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.unique_names import NameTaken, check_free
+
+STRANGER = STRANGER_FOLDER / "robot.py"
+RUN = "faulty"
+R1, WORLD = robot_key(RUN, "r1", "alive"), world_key(RUN, "alive")
+WILD = (
+    "**",
+    "encircle/**",
+    f"encircle/{RUN}/**",
+    "encircle/*/robots/r1/alive",
+    "encircle/*/world/alive",
+    f"encircle/{RUN}/*/alive",
+    f"encircle/{RUN}/robots/*/alive",
+    f"encircle/{RUN}/robots/r$*/alive",
+)
+
+
+class Net:
+    """A world, a robot and a stranger as bare sessions, reaching each other in one of the ways."""
+
+    def __init__(self, way: str, closing: ExitStack, lab: Lab | None) -> None:
+        self._closing, self._lab = closing, lab
+        self._endpoint = free_endpoint("tls" if lab else "tcp")
+        if way == "router":
+            self._open("router", True)
+        self.world = self._open("world", way == "direct")
+        self.robot = self._open("r1", False)
+
+    def stranger(self, name: str = "viewer") -> zenoh.Session:
+        return self._open(name, False)
+
+    def _open(self, name: str, listens: bool) -> zenoh.Session:
+        mode = "router" if name == "router" else "peer" if listens else "client"
+        identity = self._lab.identity(name) if self._lab else None
+        ends = {"listen" if listens else "connect": (self._endpoint,)}
+        access = Access(**ends, mode=mode, identity=identity, connect_s_max=LONGEST_S)
+        return self._closing.enter_context(open_session(access))
+
+
+@pytest.fixture
+def closing() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory) -> Lab:
+    return Lab(tmp_path_factory.mktemp("tokens"))
+
+
+WAYS = pytest.mark.parametrize("way", ["direct", "router"])
+
+
+def watched(session, expression):
+    seen = queue.Queue()
+    return seen, subscribe_alive(session, expression, lambda *change: seen.put(change))
+
+
+def opened(endpoint) -> zenoh.Session:
+    return open_session(Access(connect=(endpoint,), connect_s_max=LONGEST_S))
+
+
+@WAYS
+def test_of_all_tokens_that_match_only_the_partys_own_is_told_of(way, closing, monkeypatch):
+    monkeypatch.setattr(one_of_a_name, "LOOK_S_MAX", LONGEST_S)  # however slow this machine is
+    net = Net(way, closing, None)
+    stranger = net.stranger()
+    early = [stranger.liveliness().declare_token(key) for key in WILD]
+    until(lambda: is_there(net.world, "**") and is_there(net.robot, "**"), "the first token")
+    seen = [watched(net.robot, WORLD), watched(net.world, robot_key(RUN, "*", "alive"))]
+    for session, key in ((net.robot, WORLD), (net.world, R1)):
+        assert not is_alive(session, key, LONGEST_S)
+        check_free(session, key, "party", s_max=0.0)
+    assert alive_keys(net.world, robot_key(RUN, "*", "alive"), LONGEST_S) == set()
+
+    def go_through(withdrawn) -> None:
+        """A robot and a world come and go, and are told of in between."""
+        tokens = [
+            net.world.liveliness().declare_token(WORLD),
+            net.robot.liveliness().declare_token(R1),
+        ]
+        for (told, _), key in zip(seen, (WORLD, R1), strict=True):
+            assert taken(told) == (key, True)
+        for token in withdrawn:
+            token.undeclare()
+        # Zenoh may overlook a token in the moment after it was declared, and tell of it twice.
+        until(lambda: alive_keys(stranger, f"encircle/{RUN}/**", LONGEST_S) == {WORLD, R1}, "both")
+        for session, key in ((net.robot, WORLD), (net.world, R1)):
+            until(partial(is_alive, session, key, LONGEST_S), key)
+            until(partial(is_taken, session, key), "the name to be taken")
+        for token in tokens:
+            token.undeclare()
+        for (told, _), key in zip(seen, (WORLD, R1), strict=True):
+            while (change := taken(told)) == (key, True):
+                pass
+            assert change == (key, False)
+
+    go_through([])  # while all are kept
+    go_through(early)
+    go_through([stranger.liveliness().declare_token(key) for key in WILD])
+
+
+def is_taken(session, key) -> bool:
+    try:
+        check_free(session, key, "party", s_max=0.0)
+    except NameTaken:
+        return True
+    return False
+
+
+def is_there(session, key):
+    """Whether a token is, as Zenoh says it."""
+    replies = session.liveliness().get(key, timeout=LONGEST_S)
+    return any(str(reply.ok.key_expr) == key for reply in replies if reply.ok is not None)
+
+
+@WAYS
+def test_with_certificates_only_a_robots_own_expression_comes_through_and_is_not_told_of(
+    way, lab, closing
+):
+    net = Net(way, closing, lab)
+    seen = [watched(net.robot, WORLD), watched(net.world, robot_key(RUN, "*", "alive"))]
+    tokens = [
+        stranger.liveliness().declare_token(key)
+        for stranger in (net.stranger("viewer"), net.stranger("r2"))
+        for key in (*WILD, "encircle/*/robots/r2/alive")
+    ]
+    own = "encircle/*/robots/r2/alive"
+    until(lambda: is_there(net.world, own), "the token that may be")
+    replies = list(net.world.liveliness().get(robot_key(RUN, "*", "alive"), timeout=LONGEST_S))
+    assert {str(reply.ok.key_expr) for reply in replies if reply.ok is not None} <= {own}
+    for token in tokens:
+        token.undeclare()
+    _kept = (
+        net.world.liveliness().declare_token(WORLD),
+        net.robot.liveliness().declare_token(R1),
+    )
+    for (told, _), key in zip(seen, (WORLD, R1), strict=True):
+        assert taken(told) == (key, True)
+
+
+@pytest.mark.parametrize("how", ["--listen", "--connect"])
+def test_a_hunt_goes_on_as_if_the_tokens_of_strangers_were_not_there(hunt, how, closing):
+    if how == "--connect":
+        hunt.start_router()
+        stranger = closing.enter_context(opened(hunt.endpoint))
+        kept = [stranger.liveliness().declare_token(key) for key in WILD]
+        hunt.start_world(how)
+    else:
+        hunt.start_world(how)
+        stranger = closing.enter_context(opened(hunt.endpoint))
+        kept = [stranger.liveliness().declare_token(key) for key in WILD]
+    for robot in ROBOTS:
+        hunt.start_robot(robot)
+    hunt.wait_for_ticks()
+    for round_of in (kept, [stranger.liveliness().declare_token(key) for key in WILD]):
+        for token in round_of:
+            token.undeclare()
+        # What everybody answers cannot have overtaken what was withdrawn before.
+        assert len(list(stranger.get(f"encircle/{RUN}/**", timeout=LONGEST_S))) == 5
+        hunt.wait_for_ticks()
+    assert hunt.departures == []
+    assert not any("gone" in party.said for party in hunt.robots.values())
+
+    kept = [stranger.liveliness().declare_token(key) for key in WILD]
+    hunt.robots["r1"].kill()
+    hunt.wait_for(lambda seen: seen == [("r1", "lost: it is gone")])
+    hunt.start_robot("r1")
+    hunt.wait_for(lambda seen: seen[1:] == [("r1", "back")])
+    hunt.wait_for_ticks()
+    hunt.world.kill()
+    for robot in ROBOTS:
+        hunt.robots[robot].wait_until(lambda party: "is gone: standing still" in party.said)
+
+
+def test_a_router_for_one_run_is_not_ended_by_tokens_that_are_none():
+    tokens = Tokens()
+    for key in (WORLD, R1):
+        tokens.change(key, True, 0.0)
+    with pytest.raises(UnknownKey):
+        tokens.change("encircle/faulty/robots/\x1b[2J/alive", True, 0.0)
+    assert tokens.alive == {WORLD, R1}
+    assert not tokens.over(100.0)
+
+
+def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path):
+    page = tmp_path / "page.py"
+    page.write_text(program("A whole robot"))
+    hunt.start_world()
+    stranger = closing.enter_context(opened(hunt.endpoint))
+    kept = [stranger.liveliness().declare_token(key) for key in WILD]
+    for robot in ROBOTS[:2]:
+        hunt.start_robot(robot)
+    wait_for_robots(hunt.endpoint, RUN, 2)
+    for robot, script in (("r3", STRANGER), ("r4", page)):
+        command = [sys.executable, str(script), robot, RUN, hunt.endpoint]
+        hunt.parties.append(Party(command, tmp_path / robot, {}))
+    hunt.wait_for_ticks()
+    for token in kept:
+        token.undeclare()
+    assert len(list(stranger.get(f"encircle/{RUN}/**", timeout=LONGEST_S))) == 3
+    hunt.wait_for_ticks()
+    assert hunt.departures == []
+    hunt.world.kill()
+    assert hunt.parties[-1].end() == 1
+
+
+class World:
+    """What a robot hears of a world, without one: messages as they would come."""
+
+    def __init__(self, monkeypatch) -> None:
+        monkeypatch.setattr(shell, "DOUBT_S", 0.02)
+        self.said: list[str] = []
+        self.life = _Life("r1", RUN, self.said.append, stays=False)
+        self.supervisor = _Supervisor(
+            self.life, self.said.append, "the world", (LONGEST_S, LONGEST_S)
+        )
+        self.tick = 0
+        setup = Setup("r1", ("r1", "r2"), 0.1, "xi-star", BODIES)
+        assert self.life.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN)) == []
+
+    def ask(self, payload: bytes | None = None) -> None:
+        seen = Observation("r1", self.tick, (0.0, 0.0), 0.0, None, (6.0,) * 8, (), ())
+        key = robot_key(RUN, "r1", "observation")
+        if self.life.core.receive(key, payload or encode(seen, RUN)):
+            self.tick += 1
+
+    async def until_said(self, text: str, ask) -> None:
+        while not any(text in line for line in self.said):
+            ask()
+            await asyncio.sleep(0.001)
+
+
+def test_a_world_without_a_token_that_is_heard_is_there_and_one_that_is_not_is_gone(monkeypatch):
+    async def live() -> None:
+        world = World(monkeypatch)
+        world.supervisor.world_changed(False)
+        for _ in range(200):
+            world.ask()
+            await asyncio.sleep(0.001)
+        assert world.said == []
+        # What anybody may send is no word of the world's.
+        await world.until_said("is gone", partial(world.ask, b"garbage"))
+        await world.until_said("is back", world.ask)
+        world.supervisor.end_waits()
+
+    asyncio.run(live())
+
+
+def test_what_anybody_may_send_does_not_keep_a_robot_waiting_for_a_world_for_ever(monkeypatch):
+    async def live() -> str:
+        world = World(monkeypatch)
+        world.life.core.setup = world.life.core.role = None
+        world.supervisor._join_s_max = 0.02
+        world.supervisor.await_word()
+        world.ask(b"garbage")
+        async with asyncio.timeout(LONGEST_S):
+            return await world.supervisor.trouble
+
+    assert "did not take this robot in" in asyncio.run(live())
+
+
+@pytest.mark.parametrize("of_run", ["*", "another"])
+def test_a_message_for_many_runs_does_not_tell_a_robot_that_its_world_goes_by_the_clock(of_run):
+    core = RobotCore("r1", RUN)
+    setup = Setup("r1", ("r1", "r2"), 0.1, "xi-star", BODIES)
+    core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN))
+    seen = Observation("r1", 0, (0.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
+    payload = encode(seen, RUN)
+    assert is_timed(core, robot_key(of_run, "r1", "observation"), payload) is None
+    assert is_timed(core, robot_key(RUN, "r1", "observation"), payload) is True

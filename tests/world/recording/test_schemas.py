@@ -1,0 +1,130 @@
+"""The messages' JSON schemas: valid as schemas, and true of the messages of real hunts."""
+
+from dataclasses import fields
+
+import msgpack
+import pytest
+
+from encircle.protocol.keys import ROBOT_CHANNELS, WORLD_CHANNELS
+from encircle.replay.replaying import read_recording
+from encircle.runner.hunts import run
+from encircle.world.recording.schemas import KINDS, json_schema
+
+TYPES = {
+    "object": dict,
+    "array": list,
+    "string": (str, bytes),
+    "boolean": bool,
+    "null": type(None),
+    "integer": int,
+    "number": (int, float),
+}
+KEYWORDS = {
+    "$schema": str,
+    "title": str,
+    "type": (str, list),
+    "properties": dict,
+    "required": list,
+    "additionalProperties": (bool, dict),
+    "items": dict,
+    "prefixItems": list,
+    "minItems": int,
+    "maxItems": int,
+    "anyOf": list,
+    "contentEncoding": str,
+}
+
+
+def assert_schema(schema):
+    """Known keywords only, each of its kind, all the way down."""
+    for keyword, value in schema.items():
+        assert isinstance(value, KEYWORDS[keyword]), keyword
+    types = schema.get("type", [])
+    assert set([types] if isinstance(types, str) else types) <= set(TYPES)
+    inner = [*schema.get("anyOf", []), *schema.get("prefixItems", [])]
+    inner += [*schema.get("properties", {}).values()]
+    inner += [
+        schema[k] for k in ("items", "additionalProperties") if isinstance(schema.get(k), dict)
+    ]
+    for part in inner:
+        assert_schema(part)
+
+
+def faults(schema, value, place="$"):
+    """What in a value is against a schema, by the rules of JSON Schema for these keywords."""
+    found = []
+    if "anyOf" in schema and all(faults(s, value) for s in schema["anyOf"]):
+        found.append(f"{place}: none of the choices")
+    types = schema.get("type", [])
+    types = [types] if isinstance(types, str) else types
+    wrong_kind = isinstance(value, bool) and "boolean" not in types
+    if types and (wrong_kind or not isinstance(value, tuple(TYPES[t] for t in types))):
+        return [*found, f"{place}: {value!r} is no {types}"]
+    if isinstance(value, dict):
+        known, more = schema.get("properties", {}), schema.get("additionalProperties", True)
+        found += [f"{place}: lacks {n}" for n in schema.get("required", []) if n not in value]
+        for name, item in value.items():
+            if name in known or isinstance(more, dict):
+                found += faults(known.get(name, more), item, f"{place}.{name}")
+            elif not more:
+                found.append(f"{place}: has {name}")
+    if isinstance(value, list):
+        if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", 10**9):
+            found.append(f"{place}: {len(value)} items")
+        first = schema.get("prefixItems", [])
+        for k, item in enumerate(value):
+            part = first[k] if k < len(first) else schema.get("items", {})
+            found += faults(part, item, f"{place}[{k}]")
+    return found
+
+
+@pytest.mark.parametrize("channel", KINDS)
+def test_a_schema_is_valid_and_names_every_field_and_no_other(channel):
+    schema = json_schema(channel)
+    assert_schema(schema)
+    wanted = ["v", "run", *(f.name for f in fields(KINDS[channel]))]
+    assert schema["required"] == list(schema["properties"]) == wanted
+    assert schema["additionalProperties"] is False
+    assert schema["title"] == channel
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+
+
+def test_every_channel_that_carries_messages_has_a_schema():
+    assert set(KINDS) == {*ROBOT_CHANNELS, *WORLD_CHANNELS} - {"alive"}
+
+
+@pytest.fixture(scope="module")
+def messages(tmp_path_factory):
+    """Some messages of hunts in which much happens, by channel, as plain maps."""
+    changes = [
+        "channel.loss={model='bernoulli', rate=0.3}",
+        "ticks_max=60",
+        "sensing.noise_m_std=0.1",
+    ]
+    found = {}
+    for name in ("sim1", "sim2"):
+        path = tmp_path_factory.mktemp("schemas") / name
+        run(name, link="memory", out=path, overrides=changes)
+        for tick, topic, payload in read_recording(path).messages:
+            if tick % 5 == 0 or "setup" in topic or "end" in topic:
+                body = msgpack.unpackb(payload)
+                found.setdefault(topic.rsplit("/", 1)[1], []).append(body)
+    return found
+
+
+@pytest.mark.parametrize("channel", KINDS)
+def test_messages_of_a_hunt_are_as_their_schema_says(messages, channel):
+    schema = json_schema(channel)
+    assert messages[channel]
+    for body in messages[channel]:
+        assert faults(schema, body) == []
+
+
+@pytest.mark.parametrize("channel", KINDS)
+def test_a_message_with_a_field_too_few_too_many_or_of_a_wrong_type_is_not(messages, channel):
+    schema = json_schema(channel)
+    body = messages[channel][0]
+    assert faults(schema, body | {"colour": 1})
+    for name in body:
+        assert faults(schema, {n: v for n, v in body.items() if n != name})
+        assert faults(schema, body | {name: {"no": {}}}) or name == "parameters"

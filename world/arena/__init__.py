@@ -1,0 +1,1 @@
+"""Physics: bodies, sight, starts and capture. Pure functions of the arena's state."""

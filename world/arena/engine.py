@@ -1,0 +1,315 @@
+"""The arena's step: a pure function from state and commands to state and observations.
+
+``build`` turns a scenario and a seed into the constants of a run; ``initial`` gives the state at
+tick 0, ``observe`` what each robot senses and receives there, ``advance`` the state one tick later.
+A robot that is lost is a body that coasts to a stop, sends nothing, hears nothing and captures
+nothing; it stays in the way, and is seen as what it looks like.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import compress
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from encircle.protocol.messages import Observation, Point, State
+from encircle.world.arena import collisions, dynamics, placement, sensing
+from encircle.world.arena.capture import is_captured
+from encircle.world.arena.dynamics import quantised
+from encircle.world.channel import channel as radio
+from encircle.world.random_streams import Purpose, uniforms
+from encircle.world.scenario.scenario import MoveTarget, Scenario, Silence
+from encircle.world.targets.behaviours import TargetView, act
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Arena:
+    """The constants of a run. Bodies are the N robots, then the target; then O obstacles."""
+
+    scenario: Scenario
+    seed: int
+    ids: tuple[str, ...]
+    names: tuple[str, ...]
+    radii: Floats
+    ranges: Floats
+    step_m_max: Floats
+    channel: radio.Channel
+
+
+class ArenaState(NamedTuple):
+    """The truth at a tick. ``positions``: (N + 1 + O, 2) in m; ``headings``: (N + 1,) in rad.
+
+    ``away``: (N,) for how many ticks each robot has been lost, 0 if it is not, None while none is;
+    ``last_steps``: (N, 2) in m, what each did in its last step before that.
+    """
+
+    tick: int
+    positions: Floats
+    headings: Floats
+    memory: Any
+    air: radio.ChannelState
+    packets: dict[int, tuple[bytes | None, ...]]
+    geometry: sensing.Geometry
+    visible: NDArray[np.bool_]
+    scans: Floats
+    captured: bool
+    contacts: tuple[tuple[int, int], ...]
+    away: NDArray[np.int64] | None
+    last_steps: Floats
+
+
+def build(scenario: Scenario, seed: int) -> Arena:
+    """The constants of a run of a scenario with a seed."""
+    count = len(scenario.ids)
+    team, target = scenario.team, scenario.target
+    return Arena(
+        scenario,
+        seed,
+        scenario.ids,
+        (*scenario.ids, "target", *(f"obstacle-{k + 1}" for k in range(len(scenario.obstacles)))),
+        np.array(
+            [team.radius_m] * count + [target.radius_m] + [o.radius_m for o in scenario.obstacles]
+        ),
+        np.array([team.sensing_range_m] * count + [target.sensing_range_m]),
+        np.array([team.step_m_max] * count + [target.step_m_max]),
+        radio.build(scenario, seed),
+    )
+
+
+def initial(arena: Arena) -> ArenaState:
+    """The state at tick 0; ``ScenarioError`` if the robots cannot be placed."""
+    scenario = arena.scenario
+    starts = placement.starts(scenario, arena.seed)
+    fixed = [o.position for o in scenario.obstacles]
+    positions = quantised(np.array([*starts, scenario.target.position, *fixed]))
+    headings = np.zeros(len(arena.ids) + 1)
+    headings[-1] = scenario.target.heading_rad
+    air, still = radio.initial(arena.channel), np.zeros((len(arena.ids), 2))
+    return _sensed(arena, 0, positions, headings, None, air, {}, (), None, still)
+
+
+def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[Observation]:
+    """What each robot senses, and what its radio delivers, at the state's tick; in robot order.
+
+    Those that are ``lost`` (robot order) sense nothing, and the others are told of them.
+    """
+    count = len(arena.ids)
+    tick = state.tick
+    inboxes: list[list[bytes]] = [[] for _ in arena.ids]
+    for sent_tick, links in radio.deliver(state.air, tick)[1]:
+        packets = state.packets[sent_tick]
+        for inbox, arrives in zip(inboxes, links.T.tolist(), strict=True):
+            inbox += compress(packets, arrives)  # type: ignore[arg-type]  # None never flies
+    places = [tuple(p) for p in state.positions[:count].tolist()]
+    targets = _detected(arena, state)
+    visible = state.visible[:count].tolist()
+    scans = state.scans.tolist()
+    headings = state.headings.tolist()
+    return [
+        Observation(
+            robot,
+            tick,
+            places[i],
+            headings[i],
+            targets[i] if visible[i][count] else None,
+            tuple(scans[i]),
+            tuple([(arena.ids[k], *places[k]) for k in range(count) if visible[i][k]]),
+            tuple(inboxes[i]),
+            tuple(lost),
+        )
+        for i, robot in enumerate(arena.ids)
+        if robot not in lost
+    ]
+
+
+def advance(
+    arena: Arena,
+    state: ArenaState,
+    steps: Floats,
+    packets: Sequence[bytes | None],
+    name_bytes: int = 0,
+    lost: NDArray[np.bool_] | None = None,
+) -> tuple[ArenaState, radio.Fates]:
+    """The state one tick later, and the fates of this tick's packets.
+
+    ``steps``: (N, 2) commanded steps in m; ``packets``: each robot's encoded pose, robot order,
+    None from a robot that sends none; ``name_bytes``: how many bytes of each are the run's name,
+    which do not count: how a run is called must not change its course. ``lost``: (N,) the robots
+    that nobody commands, whose steps do not matter and whose packets must be None.
+    """
+    tick, count = state.tick, len(arena.ids)
+    air, _ = radio.deliver(state.air, tick)
+    sending = _sending(arena, state, packets, name_bytes, lost)
+    air, fates = radio.transmit(arena.channel, air, sending)
+    memory, target_step = _target_step(arena, state)
+    away = None
+    if lost is not None:
+        away = np.where(lost, 1 if state.away is None else state.away + 1, 0)
+        steps = np.where(lost[:, None], dynamics.coasting(state.last_steps, away), steps)
+    wanted = dynamics.limited(np.vstack([steps, target_step]), arena.step_m_max)
+    headings = _turned(arena, state, wanted, lost)
+    gaps = state.geometry.gaps
+    moved, contacts = collisions.move(state.positions, arena.radii, wanted, gaps)
+    positions = state.positions.copy()
+    positions[: count + 1] = quantised(moved)
+    if gaps.min() < 2.0 * arena.step_m_max.max() + collisions.SKIN_M:
+        positions = collisions.kept_apart(state.positions, positions, arena.radii, count + 1)
+    for event in arena.scenario.events:
+        if isinstance(event, MoveTarget) and event.tick == tick + 1:
+            positions[count] = placement.nearest_free(positions, arena.radii, count, event.position)
+    kept = {
+        sent: state.packets[sent]
+        for flights in air.flights.values()
+        for sent, _ in flights
+        if sent != tick
+    }
+    kept[tick] = tuple(packets)
+    last_steps = positions[:count] - state.positions[:count]
+    if lost is not None:
+        last_steps = np.where(lost[:, None], state.last_steps, last_steps)
+    after = _sensed(
+        *(arena, tick + 1, positions, headings, memory, air, kept, tuple(contacts)),
+        *(away, last_steps),
+    )
+    return after, fates
+
+
+def _turned(
+    arena: Arena, state: ArenaState, wanted: Floats, lost: NDArray[np.bool_] | None
+) -> Floats:
+    """(N + 1,) headings of those that move as ``wanted`` (N + 1, 2), which becomes what they can.
+
+    A lost robot does not steer.
+    """
+    count, headings = len(arena.ids), state.headings
+    if arena.scenario.team.motion == "holonomic":
+        turned = dynamics.holonomic_headings(headings, wanted)
+        if lost is not None:
+            turned[:count][lost] = headings[:count][lost]
+        return turned
+    turned, rolled = dynamics.unicycle(
+        headings[:count], wanted[:count], arena.scenario.team.turn_rad_max
+    )
+    if lost is not None:
+        turned[lost], rolled[lost] = headings[:count][lost], wanted[:count][lost]
+    wanted[:count] = rolled
+    return np.append(turned, dynamics.holonomic_headings(headings[count:], wanted[count:]))
+
+
+def truth(arena: Arena, state: ArenaState) -> State:
+    """The state as the message that viewers and recorders get."""
+    places = [tuple(p) for p in state.positions[: len(arena.ids) + 1].tolist()]
+    return State(
+        state.tick,
+        tuple(places[:-1]),
+        tuple(state.headings[:-1].tolist()),
+        places[-1],
+        state.captured,
+        tuple([(arena.names[i], arena.names[k]) for i, k in state.contacts]),
+    )
+
+
+def _sensed(
+    arena: Arena,
+    tick: int,
+    positions: Floats,
+    headings: Floats,
+    memory: Any,
+    air: radio.ChannelState,
+    packets: dict[int, tuple[bytes | None, ...]],
+    contacts: tuple[tuple[int, int], ...],
+    away: NDArray[np.int64] | None,
+    last_steps: Floats,
+) -> ArenaState:
+    """A state with everything that follows from the positions."""
+    count = len(arena.ids)
+    needed = arena.scenario.capture_count
+    geometry = sensing.geometry(positions, arena.radii, count + 1)
+    rays = np.stack([-geometry.x[:count, count], -geometry.y[:count, count]], axis=1)
+    if away is not None:
+        # A body that nobody commands blocks, but it is no hunter.
+        rays = rays[away == 0]
+        needed = min(needed, len(rays))
+    return ArenaState(
+        tick,
+        positions,
+        headings,
+        memory,
+        air,
+        packets,
+        geometry,
+        sensing.in_sight(geometry, arena.ranges, arena.radii),
+        quantised(sensing.scan(geometry, arena.ranges, arena.radii, arena.scenario.sensing.rays)),
+        is_captured(rays, arena.scenario.capture.stop_distance_m, needed),
+        contacts,
+        away,
+        last_steps,
+    )
+
+
+def _detected(arena: Arena, state: ArenaState) -> list[Point]:
+    """Where each robot takes the target to be, noise included, were it to detect it."""
+    count = len(arena.ids)
+    exact = state.positions[count]
+    std = arena.scenario.sensing.noise_m_std
+    if std == 0.0:
+        return [tuple(exact.tolist())] * count
+    draws = uniforms(arena.seed, Purpose.DETECTION_NOISE, state.tick, 2 * count)
+    noise = std * ndtri(np.maximum(draws, 2.0**-53)).reshape(count, 2)
+    return [tuple(p) for p in quantised(exact + noise).tolist()]
+
+
+def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Floats]:
+    count = len(arena.ids)
+    places = state.positions[: count + 1].tolist()
+    x, y = places[count]
+    visible = state.visible[count].tolist()
+    view = TargetView(
+        state.tick,
+        (x, y),
+        float(state.headings[count]),
+        [tuple(places[k]) for k in range(count) if visible[k]],
+        state.scans[count].tolist(),
+        arena.scenario.target.step_m_max,
+        arena.scenario.target.radius_m,
+    )
+    target = arena.scenario.target
+    memory, step = act(target.behaviour, state.memory, view, target.parameters)
+    return memory, np.array([step])
+
+
+def _sending(
+    arena: Arena,
+    state: ArenaState,
+    packets: Sequence[bytes | None],
+    name_bytes: int,
+    lost: NDArray[np.bool_] | None,
+) -> radio.Sending:
+    """What the radio is given at a tick."""
+    count = len(arena.ids)
+    # A packet without a byte of its own would count as none.
+    sizes = [0 if packet is None else max(1, len(packet) - name_bytes) for packet in packets]
+    return radio.Sending(
+        state.tick,
+        np.array(sizes) if None in packets or arena.channel.rated else None,
+        state.geometry.distances[:count, :count],
+        _silent(arena, state.tick, lost),
+    )
+
+
+def _silent(arena: Arena, tick: int, lost: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+    """(N,) which radios are off at a tick, those of lost robots among them, None if none is."""
+    off = {
+        event.robot
+        for event in arena.scenario.events
+        if isinstance(event, Silence) and event.tick <= tick < event.tick + event.ticks
+    }
+    if not off:
+        return lost
+    silent = np.array([robot in off for robot in arena.ids])
+    return silent if lost is None else silent | lost

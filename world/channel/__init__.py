@@ -1,0 +1,1 @@
+"""The radio channel between robots: a module for each stage of it."""

@@ -1,0 +1,1 @@
+"""One run, round by round, without I/O: in lock-step and by the clock."""

@@ -1,0 +1,1 @@
+"""What the real network did to the messages of a run by the clock."""

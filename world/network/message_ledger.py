@@ -1,0 +1,141 @@
+"""What was sent and what came, message by message: the ledger that link measures are made from.
+
+The world writes it as a run by the clock goes on; the same is read back from a recording. Four
+times belong to each answered observation (``encircle.protocol.clocks``); what was lost is known
+from gaps. Packets of a robot are numbered one by one from the tick at which it joined, so a number
+left out is a packet lost. What a robot has heard itself, its commands tell until they are known to
+have come (``encircle.protocol.real_time``). They also say how many observations their robot has
+passed over or never had, so that a tick without a command is a command lost or one that was never
+given. A robot that joins again starts again: nothing is concluded across that.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from encircle.protocol.clocks import Exchange
+from encircle.protocol.messages import Command, Pose, Radio
+from encircle.protocol.real_time import ANSWERED, MISSED, PASSED_OVER, STOPPED
+from encircle.world.channel.loss_causes import CAUSES
+
+ROWS_MAX = 1_000_000
+"""A ledger's limit: some 100 MB. What comes later is left out, which the report says."""
+
+
+@dataclass(slots=True)
+class Stay:
+    """One robot's time in the run, from a joining on.
+
+    ``packets``: (tick, sent, came) by number; ``heard``: by sender, when each packet came that the
+    robot has heard itself; ``asked_us`` and ``arrived_us``: by tick, when each observation was sent
+    and came. Of ticks later than ``known_tick`` it is not known what the robot has heard.
+    """
+
+    first_tick: int
+    last_tick: int = -1
+    commands: int = 0
+    passed_over: int = 0
+    missed: int = 0
+    exchanges: list[Exchange] = field(default_factory=list)
+    packets: dict[int, tuple[int, int, int]] = field(default_factory=dict)
+    heard: dict[str, dict[int, int]] = field(default_factory=dict)
+    asked_us: dict[int, int] = field(default_factory=dict)
+    arrived_us: dict[int, int] = field(default_factory=dict)
+    known_tick: int = -1
+
+
+@dataclass(slots=True)
+class Injected:
+    """What the modelled radio did on one directed link; ``ticks``: of delay, by packets."""
+
+    sent: int = 0
+    copied: int = 0
+    lost: dict[str, int] = field(default_factory=dict)
+    ticks: dict[int, int] = field(default_factory=dict)
+
+
+class Traffic:
+    """The ledger of one run. ``full_tick``: from which tick on nothing was written, if any.
+
+    ``direct``: whether robots hear each other themselves.
+    """
+
+    def __init__(
+        self, robots: Sequence[str], tick_s: float, direct: bool, rows_max: int = ROWS_MAX
+    ) -> None:
+        self.robots = tuple(robots)
+        self.tick_s = tick_s
+        self.direct = direct
+        self.stays: dict[str, list[Stay]] = {robot: [] for robot in robots}
+        self.injected: dict[tuple[str, str], Injected] = {}
+        self.full_tick: int | None = None
+        self._rows_left = rows_max
+
+    def joined(self, robot: str, first_tick: int) -> None:
+        """A robot begins, or begins afresh, with the observation of this tick."""
+        self.stays[robot].append(Stay(first_tick))
+
+    def asked(self, robot: str, tick: int, sent_us: int) -> None:
+        """The world has sent an observation at a time by its clock."""
+        if self.stays[robot] and not self._is_full(tick):
+            self.stays[robot][-1].asked_us[tick] = sent_us
+            self._rows_left -= 1
+
+    def answered(self, command: Command, came_us: int) -> None:
+        """A command has come to the world."""
+        stay = self._stay_at(command.robot, command.tick)
+        if stay is None or command.timing is None or self._is_full(command.tick):
+            return
+        heard_us, answered_us, told = command.timing
+        for sender, number, time_us in told:
+            about_world = sender in (ANSWERED, PASSED_OVER)
+            known = stay.arrived_us if about_world else stay.heard.setdefault(sender, {})
+            if number not in known:
+                known[number] = time_us
+                self._rows_left -= 1
+            if about_world:
+                stay.known_tick = max(stay.known_tick, number)
+        if command.mode == STOPPED:
+            return
+        stay.last_tick = command.tick
+        stay.passed_over, stay.missed = (command.refused.get(x, 0) for x in (PASSED_OVER, MISSED))
+        stay.commands += 1
+        asked_us = stay.asked_us.get(command.tick)
+        if asked_us is not None:
+            stay.exchanges.append(Exchange(asked_us, heard_us, answered_us, came_us))
+        self._rows_left -= 1
+
+    def packet(self, pose: Pose, came_us: int) -> None:
+        """A packet has come to the world."""
+        stay = self._stay_at(pose.robot, pose.tick)
+        if stay is not None and pose.sent_us is not None and not self._is_full(pose.tick):
+            stay.packets.setdefault(pose.sequence, (pose.tick, pose.sent_us, came_us))
+            self._rows_left -= 1
+
+    def radioed(self, radio: Radio) -> None:
+        """The modelled radio has drawn the fates of the packets of a tick."""
+        for sender, row in zip(self.robots, radio.fates, strict=True):
+            for receiver, fate in zip(self.robots, row, strict=True):
+                if fate == 0:
+                    continue
+                link = self.injected.setdefault((sender, receiver), Injected())
+                link.sent += 1
+                if fate < 0:
+                    cause = CAUSES.get(-fate, f"code {-fate}")
+                    link.lost[cause] = link.lost.get(cause, 0) + 1
+                else:
+                    ticks = fate - radio.tick
+                    link.ticks[ticks] = link.ticks.get(ticks, 0) + 1
+        for sender, row in zip(self.robots, radio.copies, strict=False):
+            for receiver, due in zip(self.robots, row, strict=True):
+                if due:
+                    self.injected[sender, receiver].copied += 1
+
+    def _stay_at(self, robot: str, tick: int) -> Stay | None:
+        """The robot's stay that a message of a tick is from, None if it is from an earlier one."""
+        stays = self.stays.get(robot)
+        return stays[-1] if stays and tick >= stays[-1].first_tick else None
+
+    def _is_full(self, tick: int) -> bool:
+        if self._rows_left <= 0 and self.full_tick is None:
+            self.full_tick = tick
+        return self.full_tick is not None

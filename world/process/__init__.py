@@ -1,0 +1,1 @@
+"""The world as a process: asyncio, signals, deadlines, and the connection."""

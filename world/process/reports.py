@@ -1,0 +1,57 @@
+"""What a world tells while it runs: lines for a person, or JSON for the program that started it.
+
+What happens to robots, why a run fails and what came of it are lines on standard error in any case;
+they are not told here.
+"""
+
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from encircle.protocol.programs.log import say_error
+
+Reporter = Callable[[dict[str, Any]], None]
+PERIOD_S = 1.0
+SHOWN_MAX = 6
+
+
+def report_as_json(event: dict[str, Any]) -> None:
+    """One JSON object to standard output; a starter that is gone is no reason to fail."""
+    try:
+        print(json.dumps(event), flush=True)
+    except BrokenPipeError:
+        sys.stdout = None
+
+
+class PersonReporter:
+    """Lines on standard error: who is waited for when that changes, and a tick a second."""
+
+    def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self._clock_s = clock_s
+        self._told_s = clock_s()
+
+    def __call__(self, event: dict[str, Any]) -> None:
+        """Say what is of interest."""
+        if "expected" in event:
+            names = shortened(event["expected"])
+            say_error(f"world: waiting for {names}" if names else "world: every robot is there")
+        elif event.get("waiting"):
+            say_error(f"world: waiting for the answer of {shortened(event['waiting'])}")
+        elif "tick" in event and self._clock_s() - self._told_s >= PERIOD_S:
+            self._told_s = self._clock_s()
+            say_error(tick_line(event["tick"], event["lost"], event["distances_m"]))
+
+
+def tick_line(tick: int, lost: Sequence[str], distances_m: Sequence[float]) -> str:
+    """How far the run is. ``distances_m``: of the robots to the target, in their order."""
+    away = shortened([f"{distance_m:.1f}" for distance_m in distances_m], " ")
+    missing = f", without {shortened(lost)}" if lost else ""
+    return f"world: tick {tick}{missing}, {away} m to the target"
+
+
+def shortened(words: Sequence[str], between: str = ", ") -> str:
+    """A list for one line."""
+    more = [f"and {len(words) - SHOWN_MAX} more"] if len(words) > SHOWN_MAX else []
+    return between.join([*words[:SHOWN_MAX], *more])

@@ -1,0 +1,220 @@
+"""Taking up a run that broke off: the world as it was when its recording ends.
+
+Nothing but poses and commands, and which robots were lost and came back, goes into a world, and
+all of that is recorded: a robot without an observation is lost, and one that has not answered an
+observation was lost in that round. So a new world is fed with it, round by round, and has to come
+to the same messages, byte by byte, as far as they are recorded; else the recording is of another
+program, or not what it was. What is recorded of a round that is not whole is left out: the robots
+decide the same again.
+
+Each robot is brought up to date with its setup and the observations it has had since, which it
+takes in without answering. Only why a robot was lost is not recorded.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from encircle.protocol.codec import decode, encode
+from encircle.protocol.errors import ProtocolError
+from encircle.protocol.keys import parse_key
+from encircle.protocol.messages import Observation, Setup
+from encircle.protocol.programs.interrupts import check
+from encircle.world.arena.engine import build
+from encircle.world.coordinator.world_core import Outgoing, WorldCore
+from encircle.world.recording.recording import Recording, RecordingError, read_recording
+from encircle.world.recording.run_directory import attempts, versions
+from encircle.world.scenario.channel_model import Crash
+
+MUST_BE_EQUAL = ("encircle", "protocol")
+"""Versions without which it makes no sense to try; the rest shows in what is decided."""
+LOST_BEFORE = "before the run was resumed"
+
+Recorded = tuple[int, str, bytes]
+
+
+class Resumed(NamedTuple):
+    """A run to go on with.
+
+    ``core`` waits for the answers of the round that was under way, or the run has ended in it.
+    ``messages``: all that is to be recorded of the run so far, as (tick, key, payload).
+    ``briefings``: what each robot that is asked has to know before this round.
+    """
+
+    core: WorldCore
+    messages: list[Recorded]
+    briefings: dict[str, Outgoing]
+
+
+@dataclass(slots=True)
+class _Round:
+    """What is recorded of one round. ``lost``: who was at its beginning, None if that is not.
+
+    ``back``: who was set up at its beginning. ``answers``: each robot's pose, if any, and command.
+    ``whole``: whether it came to its end.
+    """
+
+    lost: tuple[str, ...] | None = None
+    back: set[str] = field(default_factory=set)
+    answers: dict[str, Outgoing] = field(default_factory=dict)
+    whole: bool = False
+
+
+def read_last(directory: Path) -> Recording:
+    """The recording in a run's directory that reaches furthest, of one attempt or more.
+
+    ``RecordingError`` if there is none that can be read.
+    """
+    if not directory.is_dir():
+        raise RecordingError(f"{directory} is not the directory of a run")
+    furthest, rounds = None, -1
+    error = RecordingError(f"{directory}: there is no recording to go on with")
+    for path in attempts(directory):
+        try:
+            found = read_recording(path)
+        except RecordingError as unreadable:
+            # Of an attempt that broke off at once; another one may have come further.
+            error = unreadable
+            continue
+        reached = sum(1 for _ in found.of_channel("radio"))
+        if reached > rounds:
+            furthest, rounds = found, reached
+    if furthest is None:
+        raise error
+    return furthest
+
+
+def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: None) -> Resumed:
+    """The world as the recording leaves it; ``RecordingError`` if it cannot be gone on with."""
+    _check_versions(recording)
+    if recording.scenario.clock != "lockstep":
+        raise RecordingError(
+            f"{recording.path}: clock = {recording.scenario.clock!r}: a run by the clock cannot be"
+            " resumed, for its robots have answered as fast as they could"
+        )
+    messages: list[Recorded] = []
+    core = WorldCore(
+        build(recording.scenario, recording.seed),
+        recording.run,
+        log,
+        lambda tick, key, payload: messages.append((tick, key, payload)),
+    )
+    for robot in core.arena.ids:
+        core.join(robot)
+    core.begin()
+    rounds = _rounds_of(recording)
+    while core.ended is None and rounds.get(core.state.tick, _Round()).whole:
+        check()
+        tick = core.state.tick
+        _play(core, rounds[tick], rounds.get(tick + 1, _Round()))
+        if core.state.tick == tick and core.broken is None:
+            raise RecordingError(
+                f"{recording.path}: not all that robots said at tick {tick} counts"
+            )
+    core.settle()
+    _check_same(recording, messages)
+    if recording.complete and core.ended is not None:
+        raise RecordingError(
+            f"{recording.path}: this run has come to its end (tick {core.state.tick},"
+            f" {core.ended}), there is nothing to go on with"
+        )
+    return Resumed(core, messages, _briefings(core, messages))
+
+
+def _play(core: WorldCore, now: _Round, then: _Round) -> None:
+    """Play a whole round; ``then`` is the next one, in which it shows who was lost in this one."""
+    asked, tick = core.table.waiting(), core.state.tick
+    lost_then = then.lost
+    if lost_then is None:
+        # The recording may end among the setups, which come before any observation.
+        lost_then = tuple(robot for robot in core.lost if robot not in then.back)
+    for robot in core.lost:
+        if robot not in lost_then:
+            core.join(robot)
+        elif not _crashed(core, robot, tick + 1):
+            core.leave(robot, LOST_BEFORE)
+    # A robot may be lost after its answer, but not after the last one, which begins a new round.
+    answered = [robot for robot in asked if robot in now.answers]
+    early = [r for r in answered if r in lost_then and not _crashed(core, r, tick + 1)]
+    for robot in (*early, *(r for r in answered if r not in early)):
+        for said in now.answers[robot]:
+            core.receive(*said)
+        if robot in early:
+            core.leave(robot, LOST_BEFORE)
+    for robot in asked:
+        if robot not in answered:
+            core.leave(robot, LOST_BEFORE)
+
+
+def _crashed(core: WorldCore, robot: str, tick: int) -> bool:
+    """Whether the scenario has taken a robot away at a tick."""
+    return any(
+        isinstance(event, Crash)
+        and event.robot == robot
+        and event.tick <= tick
+        and (event.ticks is None or tick < event.tick + event.ticks)
+        for event in core.arena.scenario.events
+    )
+
+
+def _rounds_of(recording: Recording) -> dict[int, _Round]:
+    """What is recorded, by round; ``RecordingError`` for what is no recording of ours."""
+    rounds: dict[int, _Round] = {}
+    for tick, topic, payload in recording.messages:
+        key = f"encircle/{recording.run}/{topic}"
+        try:
+            _, robot, channel = parse_key(key)
+            found = rounds.setdefault(tick, _Round())
+            if channel == "observation" and found.lost is None:
+                found.lost = decode(Observation, payload, recording.run).lost
+            elif channel == "setup" and robot is not None:
+                found.back.add(robot)
+            elif channel in ("pose", "command") and robot is not None:
+                found.answers.setdefault(robot, []).append((key, payload))
+            elif channel == "radio":
+                found.whole = True
+        except ProtocolError as error:
+            raise RecordingError(f"{recording.path}: {topic} of tick {tick}: {error}") from None
+    return rounds
+
+
+def _check_versions(recording: Recording) -> None:
+    here = versions()
+    for name in MUST_BE_EQUAL:
+        there = recording.versions.get(name, "unknown")
+        if there != here[name]:
+            raise RecordingError(
+                f"{recording.path}: recorded with {name} {there}, this is {name} {here[name]}:"
+                " resume it with that, nothing was changed"
+            )
+
+
+def _check_same(recording: Recording, messages: list[Recorded]) -> None:
+    prefix = f"encircle/{recording.run}/"
+    # What is recorded beyond is of the round that is to be played again.
+    for (tick, topic, payload), ours in zip(recording.messages, messages, strict=False):
+        if (tick, prefix + topic, payload) != ours:
+            raise RecordingError(
+                f"{recording.path}: {topic} of tick {tick} is recorded otherwise than this program"
+                " comes to: the recording was changed, or this is not the program that made it;"
+                " nothing was changed"
+            )
+
+
+def _briefings(core: WorldCore, messages: list[Recorded]) -> dict[str, Outgoing]:
+    tick, again = core.state.tick, {key for key, _ in core.unanswered()}
+    found: dict[str, Outgoing] = {robot: [] for robot in core.table.waiting()}
+    for sent_tick, key, payload in messages:
+        _, robot, channel = parse_key(key)
+        if robot not in found:
+            continue
+        # What belongs to this round is sent with it.
+        if channel == "setup" and key not in again:
+            setup = replace(decode(Setup, payload, core.run), answer_tick=tick)
+            found[robot] = [(key, encode(setup, core.run))]
+        elif channel == "observation" and sent_tick < tick:
+            found[robot].append((key, payload))
+        elif channel == "setup":
+            found[robot] = []
+    return found

@@ -1,0 +1,102 @@
+"""Scenarios before they are checked: where they lie, how they are read, what is overridden."""
+
+import json
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from encircle.protocol.suggestions import did_you_mean
+from encircle.world.scenario.fields import shown
+from encircle.world.scenario.trace_files import anchored
+
+STUDY_KEYS = {"scenario", "axes", "strategies"}
+"""Keys that a study has and no scenario has."""
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be run; the message lists every problem, one per line."""
+
+
+def shipped() -> dict[str, Path]:
+    """The scenarios that come with the package, by name."""
+    folder = resources.files("encircle.world.scenario") / "shipped"
+    files = [Path(str(f)) for f in folder.iterdir() if f.name.endswith(".toml")]
+    return {path.stem: path for path in sorted(files)}
+
+
+def read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """A scenario's name and its tree of tables, which is the caller's own to change."""
+    if isinstance(source, Mapping):
+        return "scenario", _copied(source)
+    known = shipped()
+    path = known.get(str(source), Path(source))
+    try:
+        with open(path, "rb") as file:
+            tree = json.load(file) if path.suffix == ".json" else tomllib.load(file)
+            if not isinstance(tree, dict):
+                raise ScenarioError(f"scenario {str(source)!r} = {shown(tree)}: must be a table")
+            if of_study := sorted(STUDY_KEYS & tree.keys()):
+                raise ScenarioError(
+                    f"scenario {str(source)!r} has {' and '.join(of_study)}, so it is a study:"
+                    f" encircle study {source}"
+                )
+            return str(source), anchored(tree, path.parent)
+    except (FileNotFoundError, IsADirectoryError):
+        raise ScenarioError(
+            f"scenario {str(source)!r} is neither a file nor one of: {', '.join(known)}"
+            f"{did_you_mean(source, known)}"
+        ) from None
+    except ScenarioError:
+        raise
+    except ValueError as error:  # tomllib's and json's decode errors, and wrong UTF-8
+        raise ScenarioError(f"scenario {str(source)!r} cannot be parsed: {error}") from None
+    except OSError as error:
+        raise ScenarioError(f"scenario {str(source)!r} cannot be read: {error.strerror}") from None
+
+
+def override(tree: dict[str, Any], change: str) -> None:
+    """Change a tree by one ``key=value``; ``ScenarioError`` if there is no such place."""
+    key, separator, text = change.partition("=")
+    if not separator or not key:
+        raise ScenarioError(f"override {change!r}: must be key=value, as in target.step_m_max=0.39")
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+        value = parsed["value"] if len(parsed) == 1 else text
+    except tomllib.TOMLDecodeError:
+        value = text
+    *path, last = key.split(".")
+    place: Any = tree
+    for depth, part in enumerate(path):
+        # A scenario that was written out in full has null for a table that it has not.
+        if isinstance(place, dict) and place.get(part) is None:
+            place[part] = {}
+        place = place[_key_in(place, part, path[:depth], change)]
+    place[_key_in(place, last, path, change)] = value
+
+
+def _key_in(place: Any, part: str, path: list[str], change: str) -> str | int:
+    """The key of a part of a table or list; ``ScenarioError`` if it can have none."""
+    if isinstance(place, dict):
+        return part
+    where = ".".join(path)
+    if not isinstance(place, list):
+        raise ScenarioError(
+            f"override {change!r}: there is no such key, for {where} = {shown(place)} is no table"
+        )
+    if not (part.isascii() and part.isdigit() and int(part) < len(place)):
+        numbers = f"they are numbered from 0 to {len(place) - 1}" if place else "it has none"
+        raise ScenarioError(
+            f"override {change!r}: there is no such key, for {where} is a list, and {part!r} not"
+            f" the number of one of its items: {numbers}"
+        )
+    return int(part)
+
+
+def _copied(tree: Any) -> Any:
+    if isinstance(tree, Mapping):
+        return {key: _copied(value) for key, value in tree.items()}
+    if isinstance(tree, list | tuple):
+        return [_copied(value) for value in tree]
+    return tree

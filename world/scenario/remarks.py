@@ -1,0 +1,116 @@
+"""What is worth knowing of a scenario before it is run, although it can be run as it is.
+
+A contradiction is refused (``encircle.world.scenario.consistency``). A remark is not: a team that
+can never capture is a fine way to study tracking, if that is what was meant. Whoever starts a run
+tells its remarks first, a line each: the commands on standard error, the Python API as a
+``ScenarioRemark``.
+"""
+
+from typing import TYPE_CHECKING
+
+from encircle.protocol.parameters import Parameters
+from encircle.world.arena.capture import ROBOTS_MIN, most_within
+from encircle.world.scenario.channel_model import Crash, Delay, delay_parts
+
+if TYPE_CHECKING:
+    from encircle.world.scenario.scenario import Scenario
+
+
+class ScenarioRemark(UserWarning):
+    """The warning of ``encircle.run`` for a scenario that may not be what was meant."""
+
+
+def remarks_on(scenario: "Scenario") -> list[str]:
+    """Plain sentences on a valid scenario, key and value first; empty if there are none."""
+    return [*_who_can_capture(scenario), *_delays(scenario)]
+
+
+def _who_can_capture(scenario: "Scenario") -> list[str]:
+    team, count = scenario.team, len(scenario.ids)
+    if count < ROBOTS_MIN:
+        key = f"team.robots = {count}" if team.positions is None else "team.positions"
+        who = "one robot" if count == 1 else f"{count} robots"
+        return [
+            f"{key}: {who} can never capture: it takes {ROBOTS_MIN} at least to leave no gap"
+            " of pi or more around the target"
+        ]
+    return [*_room(scenario), *_lost_for_good(scenario)]
+
+
+def _room(scenario: "Scenario") -> list[str]:
+    """A capture that takes more robots than find a place around the target."""
+    stop_m, needed = scenario.capture.stop_distance_m, max(ROBOTS_MIN, scenario.capture_count)
+    most = most_within(stop_m, scenario.team.radius_m, scenario.target.radius_m)
+    if needed > most:
+        return [
+            f"capture.stop_distance_m = {stop_m:g}: no more than {most} robots of radius"
+            f" {scenario.team.radius_m:g} m have room so near the target, and a capture takes"
+            f" {needed}: a team that loses no robot can never capture"
+        ]
+    if scenario.capture_count > scenario.fits_around:
+        return [
+            f"capture.count = {scenario.capture_count}: only {scenario.fits_around} robots fit"
+            f" around the target at capture.stop_distance_m = {stop_m:g} with half a body's width"
+            " between neighbours: hunts may never end in a capture"
+        ]
+    return []
+
+
+def _lost_for_good(scenario: "Scenario") -> list[str]:
+    """Crashes that leave too few robots, with none of them back before the run ends."""
+    end = scenario.ticks_max
+    ticks = sorted(
+        event.tick
+        for event in scenario.events
+        if isinstance(event, Crash)
+        and event.tick <= end
+        and (event.ticks is None or event.tick + event.ticks > end)
+    )
+    count, spare = len(scenario.ids), len(scenario.ids) - ROBOTS_MIN
+    if len(ticks) <= spare:
+        return []
+    return [
+        f"events: from tick {ticks[spare]} on crashes leave {ROBOTS_MIN - 1} of {count} robots or"
+        f" fewer for good: they can never capture, which takes {ROBOTS_MIN}"
+    ]
+
+
+def _delays(scenario: "Scenario") -> list[str]:
+    """Delays that ticks make much longer, and what will come of them; and absurdly long ones."""
+    parts = delay_parts(scenario.channel, scenario.ids)
+    delayed = [(key, delay) for key, links, delay in parts if links.any() and delay != Delay()]
+    if not delayed:
+        return []
+    # It brings scipy, for which a command without delays need not wait.
+    from encircle.world.channel.delay_means import delivered_s_mean, mean_s
+
+    tick_s, found = scenario.tick_s, []
+    for key, delay in delayed:
+        asked_s = mean_s(delay)
+        if 0.0 < asked_s <= tick_s / 2.0:
+            found.append(
+                f"{key}: {asked_s:.3g} s on average ({delay.model}) is at most half a tick of"
+                f" {tick_s:g} s; packets arrive at ticks, at the next one at the earliest, so that"
+                f" the mean delay will be about {delivered_s_mean(delay, tick_s):.3g} s (with a"
+                " smaller tick_s less)"
+            )
+        elif too_long := _too_long(scenario, asked_s):
+            found.append(f"{key}: {asked_s:.3g} s on average ({delay.model}) is {too_long}")
+    return found
+
+
+def _too_long(scenario: "Scenario", asked_s: float) -> str:
+    """Longer than what, and what that means; empty for a delay that a hunt can bear."""
+    tick_s, ticks = scenario.tick_s, scenario.ticks_max
+    age_ticks = Parameters.from_mapping(scenario.parameters).peer_age_ticks_max
+    if asked_s >= ticks * tick_s:
+        return (
+            f"as long as the whole run or longer ({ticks * tick_s:g} s: ticks_max = {ticks} ticks"
+            f" of {tick_s:g} s): hardly a packet will ever arrive"
+        )
+    if asked_s > age_ticks * tick_s:
+        return (
+            f"more than robot.peer_age_ticks_max = {age_ticks} ticks of {tick_s:g} s: what arrives"
+            " is too old to count, and robots plan as if alone"
+        )
+    return ""

@@ -1,0 +1,196 @@
+"""What pydantic finds wrong, in plain sentences: the key, its value, and what would be right.
+
+Every model that reads what a person wrote goes through here, so that there is one place that knows
+pydantic's kinds of error. Its own words are never shown: they speak of Python's types and not of
+the file that is to be mended. Unknown keys come with the known one that is nearest.
+"""
+
+import types
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from encircle.protocol.suggestions import did_you_mean, suggestion
+from encircle.world.scenario.fields import shown
+
+Path = tuple[str | int, ...]
+TEXT, WHOLE, NUMBER = "must be text", "must be a whole number", "must be a number"
+LIST, TABLE, TRUTH = "must be a list", "must be a table", "must be true or false"
+SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
+    "string_type": TEXT,
+    "string_sub_type": TEXT,
+    "string_unicode": TEXT,
+    "int_type": WHOLE,
+    "int_parsing": WHOLE,
+    "int_parsing_size": WHOLE,
+    "int_from_float": WHOLE,
+    "float_type": NUMBER,
+    "float_parsing": NUMBER,
+    "decimal_type": NUMBER,
+    "decimal_parsing": NUMBER,
+    "finite_number": "must be a number that is neither infinite nor NaN",
+    "bool_type": TRUTH,
+    "bool_parsing": TRUTH,
+    "none_required": "must be left out",
+    "tuple_type": LIST,
+    "list_type": LIST,
+    "set_type": LIST,
+    "iterable_type": LIST,
+    "is_instance_of": lambda context: f"must be a {context['class']}",
+    "dict_type": TABLE,
+    "mapping_type": TABLE,
+    "model_type": TABLE,
+    "model_attributes_type": TABLE,
+    "dataclass_type": TABLE,
+    "union_tag_not_found": lambda context: f"must have {_bare(context['discriminator'])}",
+    "missing": "is missing",
+    "greater_than": lambda context: f"must be above {context['gt']}",
+    "greater_than_equal": lambda context: f"must be at least {context['ge']}",
+    "less_than": lambda context: f"must be below {context['lt']}",
+    "less_than_equal": lambda context: f"must be at most {context['le']}",
+    "multiple_of": lambda context: f"must be a multiple of {context['multiple_of']}",
+    "literal_error": lambda context: f"must be {context['expected']}",
+    "enum": lambda context: f"must be {context['expected']}",
+    "union_tag_invalid": lambda context: f"must be one of {context['expected_tags']}",
+    "too_short": lambda context: f"must have {_items(context['min_length'])} or more",
+    "too_long": lambda context: f"must have no more than {_items(context['max_length'])}",
+    "string_too_short": lambda context: f"must have {context['min_length']} characters or more",
+    "string_too_long": lambda context: f"must have {context['max_length']} characters or fewer",
+    "string_pattern_mismatch": lambda context: f"must be like the pattern {context['pattern']}",
+    "value_error": lambda context: str(context["error"]),
+    "assertion_error": lambda context: str(context["error"]),
+}
+OTHERWISE = "cannot be used here"
+SLIP_LIKENESS_MIN = 0.85
+"""So alike are words that differ by a letter or two."""
+KEY = "[key]"
+"""Where pydantic's place of an error ends with this, it is the key before it that is wrong."""
+UNKNOWN_KEY = "unknown key"
+
+
+def problems_in(
+    error: ValidationError, model: type[BaseModel], tree: Any, other_keys: Sequence[str] = ()
+) -> dict[Path, str]:
+    """Every problem by its place in what was read: a sentence with key, value, and what is right.
+
+    ``tree``: what was validated; ``other_keys``: dotted keys that the model does not know of.
+    """
+    found: dict[Path, tuple[Any, list[str]]] = {}
+    for one in error.errors(include_url=False):
+        path = _path(one["loc"], tree, one["type"])
+        value, must = one["input"], _sentence(one)
+        if one["type"] == "extra_forbidden":
+            must = UNKNOWN_KEY + _known_key(path, model, other_keys)
+        elif one["type"] == "missing" and path and isinstance(path[-1], int):
+            # Of a list of fixed length, which is right or wrong as a whole.
+            path, must = path[:-1], f"must have more than {_items(len(value))}"
+        elif KEY in one["loc"] or one["type"] == "invalid_key":
+            path = _path(one["loc"][: -2 if KEY in one["loc"] else -1], tree, "")
+            value, must = _value_at(tree, path), "must be a table whose keys are text"
+        elif one["type"] in ("union_tag_invalid", "literal_error"):
+            path, value, must = _choice(one, path)
+        if (before := found.setdefault(path, (value, [])))[1].count(must) == 0:
+            before[1].append(must)
+    return {path: _line(path, value, musts) for path, (value, musts) in found.items()}
+
+
+def _line(path: Path, value: Any, musts: Sequence[str]) -> str:
+    key = ".".join(map(str, path))
+    if musts == ["is missing"]:
+        return f"{key}: is missing"
+    must = musts[0] + "".join(f", or {other.removeprefix('must be ')}" for other in musts[1:])
+    return f"{key} = {shown(value)}: {must}" if key else f"{shown(value)}: {must}"
+
+
+def _sentence(one: Any) -> str:
+    found = SENTENCES.get(one["type"], OTHERWISE)
+    return found if isinstance(found, str) else found(one.get("ctx", {}))
+
+
+def _path(location: Sequence[str | int], tree: Any, kind: str) -> Path:
+    """The way through what was written; pydantic puts names of types in between."""
+    found: list[str | int] = []
+    for place, part in enumerate(location):
+        is_last = place == len(location) - 1
+        if isinstance(part, int):
+            inside = isinstance(tree, Sequence) and not isinstance(tree, str) and part < len(tree)
+            tree = tree[part] if inside else None
+        elif isinstance(tree, Mapping) and part in tree:
+            tree = tree[part]
+        elif not (is_last and kind == "missing"):
+            continue
+        found.append(part)
+    return tuple(found)
+
+
+def _value_at(tree: Any, path: Path) -> Any:
+    for part in path:
+        tree = tree[part]
+    return tree
+
+
+def _choice(one: Any, path: Path) -> tuple[Path, Any, str]:
+    """One of several words: which is the nearest."""
+    context, value = one["ctx"], one["input"]
+    words = context.get("expected_tags") or context["expected"]
+    known = [_bare(word) for word in words.replace(" or ", ", ").split(", ")]
+    if one["type"] == "union_tag_invalid":
+        discriminator = _bare(context["discriminator"])
+        path, value = (*path, discriminator), value[discriminator]
+    listed = ", ".join(known)
+    return (
+        path,
+        value,
+        f"must be {'one of ' if len(known) > 1 else ''}{listed}" + did_you_mean(value, known),
+    )
+
+
+def _known_key(path: Path, model: type[BaseModel], other_keys: Sequence[str]) -> str:
+    """The known key nearest to an unknown one: a slip in its own table, or its name in another."""
+    key, dotted = str(path[-1]), [*keys_of(model), *other_keys]
+    tables = _tables_at(path[:-1], model)
+    beside = sorted({name for table in tables for name in table.model_fields})
+    elsewhere = [name for name in dotted if name.rpartition(".")[2] == key]
+    return (
+        did_you_mean(key, beside, SLIP_LIKENESS_MIN)
+        or suggestion(elsewhere)
+        or did_you_mean(key, beside)
+    )
+
+
+def keys_of(model: type[BaseModel], before: str = "") -> list[str]:
+    """Every dotted key of a model and of the tables in it, but for items of lists."""
+    found = []
+    for name, field in model.model_fields.items():
+        found.append(before + name)
+        if get_origin(field.annotation) not in (tuple, list):
+            for table in _models_in(field.annotation):
+                found += keys_of(table, f"{before}{name}.")
+    return found
+
+
+def _tables_at(path: Path, model: type[BaseModel]) -> list[type[BaseModel]]:
+    """The models that what stands at a place may be."""
+    tables = [model]
+    for part in path:
+        if isinstance(part, str):
+            fields = [table.model_fields[part] for table in tables if part in table.model_fields]
+            tables = [found for field in fields for found in _models_in(field.annotation)]
+    return tables
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    elif get_origin(annotation) in (Union, types.UnionType, Annotated, tuple, list):
+        for part in get_args(annotation):
+            yield from _models_in(part)
+
+
+def _items(count: int) -> str:
+    return "1 item" if count == 1 else f"{count} items"
+
+
+def _bare(word: str) -> str:
+    return str(word).strip("'\"")

@@ -1,0 +1,204 @@
+"""How the target behaves. A behaviour is any callable of the form of ``Behaviour``.
+
+Those of other packages are found by entry point, group ``encircle.targets``. A behaviour is pure:
+what it wants to remember it returns and is given back at the next tick. Keyword-only arguments are
+its parameters, set in the scenario under ``target.parameters``.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from math import atan2, cos, hypot, pi, sin
+from typing import Annotated, Any, NamedTuple, TypeAlias, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+
+from encircle.protocol.messages import Point
+from encircle.protocol.parameters import Problems
+from encircle.protocol.plugins import (
+    TARGET,
+    TARGETS,
+    BadAnswer,
+    PluginFailed,
+    error_line,
+    installed,
+    pair_of_m,
+    shown,
+)
+from encircle.protocol.suggestions import did_you_mean
+from encircle.world.scenario.validation import problems_in
+
+EQUAL_RAD = 1e-9
+"""Gaps are as wide if they are so in whole multiples of this."""
+Distance = Annotated[float, Field(ge=0.0, le=1e5, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
+Waypoints = Annotated[Sequence[tuple[Coordinate, Coordinate]], Field(min_length=1)]
+
+
+class TargetView(NamedTuple):
+    """What the target goes by: its own sensors, nothing else.
+
+    ``robots``: absolute positions in m of the robots it detects, in robot order; ``scan``: distance
+    in m to the nearest surface along equally spaced rays, the first along +x; ``heading_rad``: the
+    direction of its last step, at first the scenario's.
+    """
+
+    tick: int
+    position: Point
+    heading_rad: float
+    robots: Sequence[Point]
+    scan: Sequence[float]
+    step_m_max: float
+    radius_m: float
+
+
+Behaviour: TypeAlias = Callable[..., tuple[Any, Point]]
+"""``(memory, view, **parameters) -> (memory, step)``: what it remembers and sees to what it will
+remember and the step it wants, in m."""
+
+
+def flee(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> tuple[Any, Point]:
+    """Away from every robot it detects, from near ones more (inverse square); also off obstacles.
+
+    With none in sight it goes on as it was going; before it has ever seen one it stands still.
+    """
+    x, y = view.position
+    pull_x = pull_y = 0.0
+    for rx, ry in view.robots:
+        dx, dy = x - rx, y - ry
+        distance = hypot(dx, dy)
+        pull_x += dx / distance**3
+        pull_y += dy / distance**3
+    if view.robots:
+        memory = atan2(pull_y, pull_x) if hypot(pull_x, pull_y) > 1e-9 else view.heading_rad
+    if memory is None:
+        return None, (0.0, 0.0)
+    return memory, _step(_clear_heading(memory, view, obstacle_range_m), view.step_m_max)
+
+
+def gap(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> tuple[Any, Point]:
+    """Through the middle of the widest angular gap between the robots it detects.
+
+    Of gaps that differ by rounding noise alone it takes the first by bearing, from -pi on. With no
+    robot in sight it goes on as it was going; before it has ever seen one it stands still.
+    """
+    x, y = view.position
+    if view.robots:
+        bearings = sorted(atan2(ry - y, rx - x) for rx, ry in view.robots)
+        widths = [
+            (after - before, before)
+            for before, after in zip(bearings, [*bearings[1:], bearings[0] + 2 * pi], strict=True)
+        ]
+        width, before = max(widths, key=lambda item: round(item[0] / EQUAL_RAD))
+        memory = before + width / 2
+    if memory is None:
+        return None, (0.0, 0.0)
+    return memory, _step(_clear_heading(memory, view, obstacle_range_m), view.step_m_max)
+
+
+def straight(memory: Any, view: TargetView) -> tuple[Any, Point]:
+    """Always on along its first heading."""
+    heading = view.heading_rad if memory is None else memory
+    return heading, _step(heading, view.step_m_max)
+
+
+def patrol(memory: Any, view: TargetView, *, waypoints: Waypoints) -> tuple[Any, Point]:
+    """From waypoint to waypoint, in m, round and round."""
+    place = memory or 0
+    gx, gy = waypoints[place % len(waypoints)]
+    dx, dy = gx - view.position[0], gy - view.position[1]
+    distance = hypot(dx, dy)
+    if distance <= view.step_m_max:
+        return (place + 1) % len(waypoints), (dx, dy)
+    return place, _step(atan2(dy, dx), view.step_m_max)
+
+
+def still(_memory: Any, _view: TargetView) -> tuple[Any, Point]:
+    """Stays where it is."""
+    return None, (0.0, 0.0)
+
+
+BUILT_IN: dict[str, Behaviour] = {
+    "flee": flee,
+    "gap": gap,
+    "straight": straight,
+    "patrol": patrol,
+    "still": still,
+}
+
+
+@lru_cache(maxsize=64)
+def behaviour_named(name: str) -> Behaviour:
+    """The behaviour of that name; ``ValueError`` lists the known ones.
+
+    ``PluginBroken`` if it is installed but cannot be loaded.
+    """
+    if name in BUILT_IN:
+        return BUILT_IN[name]
+    found = installed(TARGETS)
+    if name not in found:
+        known = ", ".join(sorted({*BUILT_IN, *found}))
+        raise ValueError(
+            f"unknown behaviour{did_you_mean(name, {*BUILT_IN, *found})}; known are: {known}"
+        )
+    behaviour: Behaviour = found[name].load()
+    return behaviour
+
+
+def act(
+    name: str, memory: Any, view: TargetView, parameters: Mapping[str, Any]
+) -> tuple[Any, Point]:
+    """What the behaviour of that name remembers and wants; ``PluginFailed`` if it fails."""
+    try:
+        answer = behaviour_named(name)(memory, view, **parameters)
+        if not isinstance(answer, tuple) or len(answer) != 2:
+            raise BadAnswer(f"{shown(answer)}: must be what it remembers, and a step")
+        return answer[0], pair_of_m("step", answer[1])
+    except (Exception, SystemExit) as error:
+        raise PluginFailed(TARGETS, name, TARGET, view.tick, error) from error
+
+
+def check_parameters(behaviour: Behaviour, parameters: Mapping[str, Any]) -> None:
+    """``Problems`` listing parameters that the behaviour lacks, needs or cannot take.
+
+    Values are checked against the annotations of the behaviour's keyword-only arguments. Another
+    ``ValueError`` if those cannot be understood.
+    """
+    try:
+        model = _model_of(behaviour)
+    except Exception as error:
+        # They are other people's code.
+        raise ValueError(f"its parameters cannot be understood: {error_line(error)}") from None
+    tree = dict(parameters)
+    try:
+        model.model_validate(tree)
+    except ValidationError as error:
+        raise Problems(list(problems_in(error, model, tree).values())) from None
+
+
+def _model_of(behaviour: Behaviour) -> type[BaseModel]:
+    hints = get_type_hints(behaviour, include_extras=True)
+    wanted: dict[str, Any] = {
+        name: (hints.get(name, Any), ... if p.default is p.empty else p.default)
+        for name, p in inspect.signature(behaviour).parameters.items()
+        if p.kind is p.KEYWORD_ONLY
+    }
+    return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **wanted)
+
+
+def _step(heading_rad: float, length_m: float) -> Point:
+    return length_m * cos(heading_rad), length_m * sin(heading_rad)
+
+
+def _clear_heading(heading_rad: float, view: TargetView, range_m: float) -> float:
+    """The heading nearest to the wanted one whose ray, and its neighbours', are free for a way."""
+    rays = len(view.scan)
+    if rays < 8 or min(view.scan) >= range_m + view.radius_m:
+        return heading_rad
+    spacing = 2 * pi / rays
+    wanted = round(heading_rad / spacing)
+    for offset in sorted(range(-(rays // 3), rays // 3 + 1), key=lambda k: (abs(k), -k)):
+        ray = wanted + offset
+        if all(view.scan[(ray + side) % rays] >= range_m for side in (-1, 0, 1)):
+            return heading_rad if offset == 0 else ray * spacing
+    return heading_rad
