@@ -2,7 +2,7 @@
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from encircle.protocol.programs.interrupts import end_at_once
+    from encircle.protocol.process.interrupts import end_at_once
 
     end_at_once("robot")
 
@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from encircle.agents.process.deferred_imports import postponed
-from encircle.protocol.programs.interrupts import leave
-from encircle.protocol.programs.log import say_error
+from encircle.protocol.process.interrupts import leave
+from encircle.protocol.process.log import say_error
 from encircle.protocol.programs.options import Options, access, name_of, seconds
 from encircle.protocol.zenoh.endpoints import AccessError
 

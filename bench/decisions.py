@@ -16,7 +16,7 @@ from encircle.agents.planning.assignment import algorithm_1, whole_microns
 from encircle.agents.planning.ring import encirclement_points
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
-from encircle.world.scenario.scenario import load
+from encircle.world.loading.load import load
 
 TICKS = 80
 SETTLED_TICK = 40

@@ -24,7 +24,7 @@ from encircle.protocol.parameters import Parameters
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
 from encircle.world.coordinator.world_core import WorldCore
-from encircle.world.scenario.scenario import load
+from encircle.world.loading.load import load
 
 HUNTS = 40
 XI = tuple(float(xi) for xi in range(7))

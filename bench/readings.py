@@ -20,12 +20,12 @@ from rich.table import Table
 from scenarios import ordinary_hunt
 from scipy.stats import binomtest
 
-from encircle.cli.progress import Progress
+from encircle.progress import Progress
 from encircle.runner.memory import run_in_memory
 from encircle.runner.process_pool import in_order
 from encircle.world.arena import engine
 from encircle.world.coordinator.world_core import WorldCore
-from encircle.world.scenario.scenario import load
+from encircle.world.loading.load import load
 
 HUNTS = 100
 WORKERS = 2

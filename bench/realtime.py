@@ -15,7 +15,7 @@ from typing import Any
 
 from scenarios import endless_hunt
 
-from encircle.cli.progress import Progress
+from encircle.progress import Progress
 from encircle.protocol.mailbox import Mailbox
 from encircle.runner.hunts import run
 from encircle.world.coordinator.deadlines import Punctuality, next_slot

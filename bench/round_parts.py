@@ -15,7 +15,7 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.runner.hunts import run
 from encircle.world.arena import engine
 from encircle.world.coordinator.world_core import WorldCore
-from encircle.world.scenario.scenario import load
+from encircle.world.loading.load import load
 
 TICKS_PER_S = 100  # of the kernel's accounting, in /proc
 NAME = "bench"

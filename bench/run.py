@@ -25,12 +25,12 @@ from rich.table import Table
 from scenarios import endless_hunt, ordinary_hunt
 from studies import measure_studies
 
-from encircle.cli.progress import Progress, Tell
+from encircle.progress import Progress, Tell
 from encircle.runner.hunts import run
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
+from encircle.world.loading.load import load
 from encircle.world.recording.run_directory import versions
-from encircle.world.scenario.scenario import load
 
 HERE = Path(__file__).parent
 TURNS = 3

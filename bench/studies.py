@@ -11,8 +11,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from encircle.cli.progress import Progress, Tell, no_progress
 from encircle.measures.registry import measure
+from encircle.progress import Progress, Tell, no_progress
 from encircle.runlog.runlog import Collector
 from encircle.runner.memory import run_in_memory
 from encircle.studies.plan_files import load_plan

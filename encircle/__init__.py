@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     from encircle.runner.hunts import Hunt, resume, run
     from encircle.runner.launch import Patience
     from encircle.studies.study import Study
-    from encircle.world.scenario.remarks import ScenarioRemark
-    from encircle.world.scenario.scenario import Scenario, ScenarioError, load, shipped
+    from encircle.world.loading.files import shipped
+    from encircle.world.loading.load import load
+    from encircle.world.loading.remarks import ScenarioRemark
+    from encircle.world.scenario.errors import ScenarioError
+    from encircle.world.scenario.model import Scenario
 
 __all__ = [
     "Hunt",
@@ -32,11 +35,12 @@ __all__ = [
 ]
 _FROM = {
     **dict.fromkeys(("Hunt", "resume", "run"), "encircle.runner.hunts"),
-    **dict.fromkeys(
-        ("Scenario", "ScenarioError", "load", "shipped"), "encircle.world.scenario.scenario"
-    ),
     "Patience": "encircle.runner.launch",
-    "ScenarioRemark": "encircle.world.scenario.remarks",
+    "Scenario": "encircle.world.scenario.model",
+    "ScenarioError": "encircle.world.scenario.errors",
+    "ScenarioRemark": "encircle.world.loading.remarks",
+    "load": "encircle.world.loading.load",
+    "shipped": "encircle.world.loading.files",
 }
 
 

@@ -1,6 +1,6 @@
 """What ``encircle`` and ``python -m encircle`` start."""
 
-from encircle.protocol.programs.interrupts import end_at_once, leave
+from encircle.protocol.process.interrupts import end_at_once, leave
 
 
 def main() -> None:

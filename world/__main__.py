@@ -6,7 +6,7 @@ there.
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from encircle.protocol.programs.interrupts import end_at_once
+    from encircle.protocol.process.interrupts import end_at_once
 
     end_at_once("world")
 
@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from encircle.protocol.programs.interrupts import leave
-from encircle.protocol.programs.log import say_error
+from encircle.protocol.process.interrupts import leave
+from encircle.protocol.process.log import say_error
 from encircle.protocol.programs.options import Options, access, name_of, seconds, whole_number
 from encircle.protocol.zenoh.access_control import WORLD
 from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, AccessError
@@ -32,16 +32,18 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
     found = options.parse(arguments)
     _check(options, found)
     # Imported late: a mistyped command need not wait for scipy.
-    from encircle.protocol.programs.log import bounded_log
+    from encircle.protocol.process.log import bounded_log
     from encircle.protocol.zenoh.configuration import warning
     from encircle.protocol.zenoh.refusals import refusals_told
     from encircle.world.arena.engine import build
+    from encircle.world.loading.load import load
+    from encircle.world.loading.remarks import remarks_on
     from encircle.world.process.reports import PersonReporter, report_as_json
     from encircle.world.process.running import run_world
     from encircle.world.process.server import ANSWER_S_MAX, JOIN_S_MAX, Terms
     from encircle.world.recording.resuming import read_last, rebuild
     from encircle.world.recording.run_directory import RunDirectoryError, new_directory
-    from encircle.world.scenario.scenario import ScenarioError, load
+    from encircle.world.scenario.errors import ScenarioError
 
     try:
         where = access(found, CONNECT_S_MAX, name=WORLD)
@@ -69,7 +71,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
             found.parent,
         )
         # A program that starts this world has told its user already.
-        remarks = [] if found.parent else scenario.remarks()
+        remarks = [] if found.parent else remarks_on(scenario)
         for line in [*([said] if said is not None else []), *remarks]:
             say_error(f"world: {line}")
         with refusals_told("world", found.count_refusals):

@@ -23,9 +23,9 @@ from encircle.protocol.connections import Link
 from encircle.protocol.errors import LinkClosed
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.plugins import PluginBroken, PluginFailed
-from encircle.protocol.programs.interrupts import told_to
-from encircle.protocol.programs.log import bounded_log, say_error
-from encircle.protocol.programs.tracebacks import line_of
+from encircle.protocol.process.interrupts import told_to
+from encircle.protocol.process.log import bounded_log, say_error
+from encircle.protocol.process.tracebacks import line_of
 from encircle.protocol.zenoh.connection import LinkError, ZenohLink
 from encircle.protocol.zenoh.endpoints import Access
 from encircle.protocol.zenoh.unique_names import check_free

@@ -11,12 +11,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from encircle.cli.progress import PERIOD_S
 from encircle.network.transport import visible
-from encircle.protocol.programs.log import printable
+from encircle.progress import PERIOD_S
+from encircle.protocol.process.log import printable
 from encircle.runner.hunts import Hunt
 from encircle.world.coordinator.result import Result
-from encircle.world.scenario.scenario import Scenario
+from encircle.world.scenario.model import Scenario
 
 SHOWN_MAX = 6
 

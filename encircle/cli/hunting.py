@@ -10,14 +10,17 @@ from rich.console import Console
 
 from encircle.cli.display import Display
 from encircle.network.transport import SHOWN_MAX, show
-from encircle.protocol.programs.interrupts import Interrupted, held, saying
-from encircle.protocol.programs.log import say, say_error
+from encircle.protocol.process.interrupts import Interrupted, held, saying
+from encircle.protocol.process.log import say, say_error
 from encircle.runner.hunts import Hunt, check_link, default_directory, resume, run
 from encircle.runner.launch import Patience, RunFailed
+from encircle.world.loading.files import shipped
+from encircle.world.loading.load import load
+from encircle.world.loading.remarks import ScenarioRemark, remarks_on
 from encircle.world.recording.resuming import read_last
 from encircle.world.recording.run_directory import RECORDING, SUMMARY
-from encircle.world.scenario.remarks import ScenarioRemark
-from encircle.world.scenario.scenario import Scenario, ScenarioError, load, shipped
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import Scenario
 
 
 class Wish(NamedTuple):
@@ -83,7 +86,7 @@ def hunt_and_draw(wish: Wish, as_json: bool) -> None:
     else:
         scenario, directory = read_last(wish.resume).scenario, wish.resume
     check_link(scenario, wish.link)
-    for remark in scenario.remarks():
+    for remark in remarks_on(scenario):
         say_error(f"encircle: {remark}")
     try:
         with held(), Display(scenario, wish.link) as display:

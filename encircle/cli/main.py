@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from encircle.protocol.programs.log import say, say_error
+from encircle.protocol.process.log import say, say_error
 from encircle.protocol.programs.options import seconds, variable_of
 
 
@@ -23,7 +23,7 @@ class _Stopped(Exception):
 class _Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was asked for."""
-        from encircle.protocol.programs.interrupts import Interrupted
+        from encircle.protocol.process.interrupts import Interrupted
 
         try:
             return super().invoke(ctx)
@@ -64,10 +64,10 @@ def _seconds(name: str, text: str) -> Any:
 def main() -> int:
     """Run a command; one clear line for whatever goes wrong. Returns the exit status."""
     from encircle.protocol.plugins import PluginFailed
-    from encircle.protocol.programs.tracebacks import line_of
+    from encircle.protocol.process.tracebacks import line_of
     from encircle.runner.launch import RunFailed
     from encircle.world.recording.run_directory import RunDirectoryError
-    from encircle.world.scenario.scenario import ScenarioError
+    from encircle.world.scenario.errors import ScenarioError
 
     try:
         app()
@@ -156,7 +156,8 @@ def scenarios_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """List the shipped scenarios."""
-    from encircle.world.scenario.scenario import load, shipped
+    from encircle.world.loading.files import shipped
+    from encircle.world.loading.load import load
 
     found = {name: load(name) for name in shipped()}
     if as_json:
@@ -285,9 +286,9 @@ def reproduce_command(
 
     Draws their figures, and says what was found.
     """
-    from encircle.cli.progress import Progress
     from encircle.paper.reproduce import reproduce
-    from encircle.protocol.programs.interrupts import Interrupted
+    from encircle.progress import Progress
+    from encircle.protocol.process.interrupts import Interrupted
 
     try:
         report = reproduce(out, seeds, progress=Progress)

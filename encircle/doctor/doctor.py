@@ -20,7 +20,7 @@ from typing import Any
 from encircle.doctor.machine import Finding, machine
 from encircle.doctor.network import connecting_to, exposure, listening_on
 from encircle.doctor.run import parties
-from encircle.protocol.programs.log import say
+from encircle.protocol.process.log import say
 from encircle.protocol.programs.options import Options, access, identity, name_of, seconds
 from encircle.protocol.zenoh.configuration import endpoints
 from encircle.protocol.zenoh.endpoints import Access, AccessError, Identity, here

@@ -36,9 +36,9 @@ from encircle.figures.drawing import (
 )
 from encircle.figures.trajectories import paths_figure
 from encircle.protocol.parameters import Parameters
-from encircle.protocol.programs.log import printable
-from encircle.replay.replaying import Recording, read_recording
+from encircle.protocol.process.log import printable
 from encircle.runlog.ground_truth import Floats, commands_at, ring_centre, tracks_of
+from encircle.world.recording.recording import Recording, read_recording
 
 
 @dataclass(frozen=True, slots=True)

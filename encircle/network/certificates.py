@@ -27,9 +27,9 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from encircle.protocol.programs.interrupts import check, held
+from encircle.protocol.process.interrupts import check, held
 from encircle.protocol.zenoh.access_control import AUTHORITY, ROUTER, TEAM, TEAM_MAX, VIEWER, WORLD
-from encircle.runner.whole_directory import emptied_if_left
+from encircle.whole_directory import emptied_if_left
 
 SERVERS = (ROUTER, WORLD)
 HERE = ("localhost", "127.0.0.1", "::1")

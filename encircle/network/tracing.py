@@ -1,7 +1,7 @@
 """A recorded run by the clock as a trace: what a real network did, for the channel to replay.
 
 One row per packet and directed link, in the order of sending, with the columns that
-``encircle.world.scenario.trace_files`` reads. Only the network's own doing is in it: what the
+``encircle.world.loading.trace_files`` reads. Only the network's own doing is in it: what the
 modelled radio injected is not. Where robots did not hear each other but spoke through the world, a
 packet's way is the leg to the world and that of the next observation, without the wait for the tick
 in between.
@@ -14,11 +14,11 @@ from statistics import median
 from typing import NamedTuple
 
 from encircle.network.transport import traffic_of
-from encircle.protocol.programs.interrupts import check, held
+from encircle.protocol.process.interrupts import check, held
+from encircle.world.loading.channel_consistency import TRACE_ROWS_MAX
 from encircle.world.network.transport import delay_refusal, offsets_of, unsteady, ways_of
 from encircle.world.recording.recording import Recording
 from encircle.world.recording.run_directory import RunDirectoryError
-from encircle.world.scenario.channel_consistency import TRACE_ROWS_MAX
 
 COLUMNS = ("sender", "receiver", "lost", "delay_s")
 SUFFIXES = (".csv", ".parquet")

@@ -11,7 +11,7 @@ from rich.text import Text
 from encircle.protocol.codec import decode
 from encircle.protocol.errors import MalformedMessage, ProtocolError, WrongSender
 from encircle.protocol.messages import Command, Observation, Pose, Radio, Setup
-from encircle.protocol.programs.log import printable
+from encircle.protocol.process.log import printable
 from encircle.world.network.message_ledger import Traffic
 from encircle.world.recording.recording import Recording, RecordingError
 

@@ -16,9 +16,9 @@ import numpy as np
 from encircle.figures.figures import draw_snapshots, draw_trajectories
 from encircle.protocol.codec import decode
 from encircle.protocol.messages import Observation
-from encircle.replay.replaying import Recording, read_recording
 from encircle.runlog.ground_truth import Tracks, estimates_agree, points_shared, tracks_of
 from encircle.runner.hunts import run
+from encircle.world.recording.recording import Recording, read_recording
 
 TURN_TICKS = 5
 TURN_DEG_MIN = 20.0

@@ -26,12 +26,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from encircle.cli.progress import Tell, no_progress
+from encircle.progress import Tell, no_progress
 from encircle.runner.hunts import run
 from encircle.runner.process_pool import in_order
 from encircle.statistics.comparisons import bounded_mean
 from encircle.statistics.intervals import capture_rate, restricted_mean_ticks
-from encircle.world.scenario.scenario import load
+from encircle.world.loading.load import load
 
 POLICIES = {"xi-0": "xi = 0", "xi-1": "xi = 1", "xi-3": "xi = 3", "xi-star": "xi*"}
 STAR = list(POLICIES).index("xi-star")

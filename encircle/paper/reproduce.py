@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from encircle.cli.progress import Tell, no_progress
 from encircle.figures.figures import TimeCurve, draw_execution_times, draw_trajectories
 from encircle.paper.claims import (
     Finding,
@@ -44,11 +43,12 @@ from encircle.paper.execution_times import (
     numbers,
     rate,
 )
-from encircle.protocol.programs.interrupts import check, held
-from encircle.replay.replaying import Recording
+from encircle.progress import Tell, no_progress
+from encircle.protocol.process.interrupts import check, held
 from encircle.runlog.ground_truth import Tracks
-from encircle.runner.whole_directory import emptied_if_left
 from encircle.statistics.comparisons import Decision, rate_difference
+from encircle.whole_directory import emptied_if_left
+from encircle.world.recording.recording import Recording
 from encircle.world.recording.run_directory import create, versions
 
 RANDOM_STARTS = 200

@@ -21,7 +21,7 @@ from encircle.protocol.codec import decode
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import Command, Pose
 from encircle.protocol.real_time import ANSWERED, PASSED_OVER, STOPPED
-from encircle.replay.replaying import ReplayCheck, raise_failure
+from encircle.replay.replay_check import ReplayCheck, raise_failure
 from encircle.world.recording.recording import Recording, decoded
 
 Packets = dict[tuple[str, int], bytes]

@@ -5,35 +5,15 @@ compares the poses and commands it sends with those recorded. It needs no world 
 is found different was decided differently.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
 from encircle.protocol.messages import Command, Radio
-from encircle.world.recording.recording import Recording, RecordingError, decoded, read_recording
-
-__all__ = ["Recording", "RecordingError", "ReplayCheck", "read_recording", "replay"]
-
-
-@dataclass(frozen=True, slots=True)
-class ReplayCheck:
-    """What a replay found. ``differences``: (tick, robot, channel) that came out differently.
-
-    ``unchecked``: what could not be checked, and why; nothing in lock-step.
-    """
-
-    ticks: int
-    robots: int
-    compared: int
-    differences: tuple[tuple[int, str, str], ...]
-    complete: bool
-    unchecked: tuple[str, ...] = ()
-
-    @property
-    def same(self) -> bool:
-        """Whether every decision was compared equal, and there was at least one."""
-        return self.compared > 0 and not self.differences
+from encircle.replay.real_time_replay import replay_by_clock
+from encircle.replay.replay_check import ReplayCheck, raise_failure
+from encircle.world.recording.recording import Recording, decoded, read_recording
 
 
 def replay(source: str | Path | Recording) -> ReplayCheck:
@@ -44,8 +24,6 @@ def replay(source: str | Path | Recording) -> ReplayCheck:
     recording = source if isinstance(source, Recording) else read_recording(source)
     run = recording.run
     if recording.scenario.clock == "wall":
-        from encircle.replay.real_time_replay import replay_by_clock
-
         return replay_by_clock(recording)
     cores = {robot: RobotCore(robot, run) for robot in recording.scenario.ids}
     decided: dict[tuple[int, str, str], bytes] = {}
@@ -86,12 +64,6 @@ def replay(source: str | Path | Recording) -> ReplayCheck:
         tuple(differences),
         recording.complete,
     )
-
-
-def raise_failure(core: RobotCore) -> None:
-    """Raise how a robot's strategy has failed, if it has."""
-    if core.failed is not None:
-        raise core.failed
 
 
 def _spoke(recording: Recording) -> set[tuple[int, str]]:

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from encircle.protocol.messages import Command, End, Point, State
-from encircle.replay.replaying import Recording
 from encircle.world.arena.engine import Arena, build, initial, truth
 from encircle.world.arena.sensing import geometry, in_sight
-from encircle.world.recording.recording import decoded
-from encircle.world.scenario.scenario import MoveTarget, Scenario, Silence
+from encircle.world.recording.recording import Recording, decoded
+from encircle.world.scenario.channel_model import Silence
+from encircle.world.scenario.model import MoveTarget, Scenario
 
 Floats = NDArray[np.float64]
 RING_MISFIT_M_MAX = 0.5

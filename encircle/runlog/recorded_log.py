@@ -16,16 +16,25 @@ from encircle.protocol.codec import decode
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import Command, End, Observation, Radio, State
-from encircle.replay.replaying import RecordingError
 from encircle.runlog.runlog import Belief, Rounds, RunLog, belief_of, log_of
 from encircle.world.arena.engine import Arena, build, initial, truth
-from encircle.world.scenario.scenario import Scenario
+from encircle.world.recording.recording import Recording, RecordingError
+from encircle.world.scenario.model import Scenario
+
+
+def log_of_recording(recording: Recording) -> RunLog:
+    """The log of a recorded run; raises as ``log_of_messages``."""
+    return log_of_messages(recording.scenario, recording.seed, recording.run, recording.messages)
 
 
 def log_of_messages(
     scenario: Scenario, seed: int, run: str, messages: Iterable[tuple[int, str, bytes]]
 ) -> RunLog:
-    """See ``RunLog.of_messages``."""
+    """The log of a run from its messages ``(tick, topic, payload)``, in their order.
+
+    Raises ``RecordingError`` for messages that cannot be read, and if this program's robots would
+    not have sent the recorded commands: what the real ones believed is then unknown.
+    """
     if scenario.clock == "wall":
         raise RecordingError(
             "clock = 'wall': in a run by the clock robots miss ticks, and measures are of all;"

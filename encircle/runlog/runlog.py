@@ -6,11 +6,11 @@ tick t, on what they have seen and heard by then, and it leads to the truth at t
 
 There are two ways to a log, and both give the same arrays. A ``Collector`` looks on at a hunt in
 memory; it only keeps references to what the hunt makes anyway, and arrays are made once, at the
-end. ``RunLog.of_recording`` takes a recording, of a hunt over whatever link; one that was cut off
-gives the log of its whole rounds.
+end. ``recorded_log.log_of_recording`` takes a recording, of a hunt over whatever link; one that was
+cut off gives the log of its whole rounds.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
@@ -24,10 +24,9 @@ from encircle.agents.estimation.kalman import Estimate
 from encircle.agents.teamwork.peers import PeerTable, team_of, without
 from encircle.protocol.messages import Command, Point
 from encircle.protocol.parameters import Parameters
-from encircle.replay.replaying import Recording
 from encircle.runner.memory import Answer, little_garbage
 from encircle.world.coordinator.world_core import WorldCore
-from encircle.world.scenario.scenario import MoveTarget, Scenario
+from encircle.world.scenario.model import MoveTarget, Scenario
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -78,26 +77,6 @@ class RunLog:
     there: NDArray[np.bool_]
     worked_out: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
     """What several measures share, by name; see ``encircle.measures.common.once``."""
-
-    @classmethod
-    def of_recording(cls, recording: Recording) -> "RunLog":
-        """The log of a recorded run; raises as ``of_messages``."""
-        return cls.of_messages(
-            recording.scenario, recording.seed, recording.run, recording.messages
-        )
-
-    @classmethod
-    def of_messages(
-        cls, scenario: Scenario, seed: int, run: str, messages: Iterable[tuple[int, str, bytes]]
-    ) -> "RunLog":
-        """The log of a run from its messages ``(tick, topic, payload)``, in their order.
-
-        Raises ``RecordingError`` for messages that cannot be read, and if this program's robots
-        would not have sent the recorded commands: what the real ones believed is then unknown.
-        """
-        from encircle.runlog.recorded_log import log_of_messages
-
-        return log_of_messages(scenario, seed, run, messages)
 
     @property
     def ticks(self) -> int:

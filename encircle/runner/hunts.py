@@ -10,10 +10,12 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from encircle.protocol.programs.interrupts import check, held
-from encircle.protocol.programs.log import bounded_log
-from encircle.protocol.programs.tracebacks import line_of
+from encircle.protocol.process.interrupts import check, held
+from encircle.protocol.process.log import bounded_log
+from encircle.protocol.process.tracebacks import line_of
 from encircle.world.coordinator.result import GO_ON, WHEN_LOST, Result
+from encircle.world.loading.load import load
+from encircle.world.loading.remarks import ScenarioRemark, remarks_on
 from encircle.world.recording.recorder import RecordingStopped
 from encircle.world.recording.run_directory import (
     create,
@@ -21,8 +23,8 @@ from encircle.world.recording.run_directory import (
     start_recording,
     write_summary,
 )
-from encircle.world.scenario.remarks import ScenarioRemark
-from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import Scenario
 
 if TYPE_CHECKING:
     from encircle.runner.launch import Patience
@@ -111,7 +113,7 @@ def run(
         scenario = scenario.model_dump(mode="json", exclude_unset=True)
     loaded = load(scenario, changes)
     check_link(loaded, link)
-    for remark in loaded.remarks():
+    for remark in remarks_on(loaded):
         warnings.warn(remark, ScenarioRemark, stacklevel=2)
     name = f"run-{secrets.token_hex(6)}"
     is_new = out is not None and not Path(out).exists()

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from encircle.protocol.programs.interrupts import told_to
-from encircle.protocol.programs.log import printable
+from encircle.protocol.process.interrupts import told_to
+from encircle.protocol.process.log import printable
+from encircle.protocol.process.tracebacks import KEPT_IN
 from encircle.protocol.programs.options import without_settings
-from encircle.protocol.programs.tracebacks import KEPT_IN
 from encircle.world.coordinator.result import Result
-from encircle.world.scenario.scenario import ScenarioError
+from encircle.world.scenario.errors import ScenarioError
 
 STOP_S_MAX = 3.0
 SILENCE_S_MAX = 6.0

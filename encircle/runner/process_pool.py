@@ -13,7 +13,7 @@ from multiprocessing import active_children, connection, get_context, parent_pro
 from os import _exit
 from typing import TypeVar
 
-from encircle.protocol.programs.interrupts import check, held, leave_to_parent, shielding
+from encircle.protocol.process.interrupts import check, held, leave_to_parent, shielding
 
 TASKS_PER_WORKER = 3
 LOOK_S = 0.1

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from encircle.cli.progress import Progress, Tell
-from encircle.protocol.programs.interrupts import Interrupted, held, saying
-from encircle.protocol.programs.log import say, say_error
+from encircle.progress import Progress, Tell
+from encircle.protocol.process.interrupts import Interrupted, held, saying
+from encircle.protocol.process.log import say, say_error
 from encircle.studies.plan_files import load_plan
 from encircle.studies.report.claims import findings
 from encircle.studies.report.failures import last_line
@@ -19,7 +19,7 @@ from encircle.studies.report.report import write_report
 from encircle.studies.study import Study
 from encircle.studies.summary import summarise
 from encircle.studies.workers import StudyFailed
-from encircle.world.scenario.remarks import ScenarioRemark
+from encircle.world.loading.remarks import ScenarioRemark
 
 
 @dataclass(frozen=True, slots=True)

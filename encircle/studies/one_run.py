@@ -14,13 +14,14 @@ from typing import Any, NamedTuple
 
 from encircle.measures.registry import measure
 from encircle.protocol.plugins import error_line
-from encircle.protocol.programs.log import bounded_log
+from encircle.protocol.process.log import bounded_log
 from encircle.runlog.runlog import Collector, RunLog
 from encircle.runner.memory import RunBroken, run_in_memory
 from encircle.studies import sources
 from encircle.studies.sources import Names
 from encircle.world.arena.engine import build
-from encircle.world.scenario.scenario import Scenario, load
+from encircle.world.loading.load import load
+from encircle.world.scenario.model import Scenario
 
 RUN = "study"
 FAILED, TRACE = "failed", "trace"

@@ -32,9 +32,12 @@ from pydantic import (
 
 from encircle.measures.registry import MEASURES
 from encircle.protocol.plugins import GROUPS, STRATEGIES, TARGETS, installed
-from encircle.protocol.programs.log import printable
+from encircle.protocol.process.log import printable
+from encircle.world.loading.load import load
+from encircle.world.loading.remarks import remarks_on
+from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.fields import shown
-from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+from encircle.world.scenario.model import Scenario
 
 CELLS_MAX = 100_000
 CELLS_NAMED_MAX = 4
@@ -310,7 +313,7 @@ class Plan(_Model):
         """What is worth knowing of the cells before they are run, each sentence once."""
         cells: dict[str, list[int]] = {}
         for cell in range(len(self.cells)):
-            for line in self.scenario_of(cell).remarks():
+            for line in remarks_on(self.scenario_of(cell)):
                 cells.setdefault(line, []).append(cell)
         return [f"{line} ({_where(self, found)})" for line, found in cells.items()]
 

@@ -15,8 +15,10 @@ from pydantic import ValidationError
 from encircle.protocol.suggestions import did_you_mean
 from encircle.studies.plan import Plan, StudyError
 from encircle.studies.plan_problems import lines_of, problems_of
-from encircle.world.scenario import scenario as scenarios
-from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+from encircle.world.loading.files import shipped as shipped_scenarios
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import Scenario
 from encircle.world.scenario.validation import problems_in
 
 
@@ -106,7 +108,7 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], 
         with open(path, "rb") as file:
             tree = tomllib.load(file)
     except (FileNotFoundError, IsADirectoryError):
-        if str(source) in scenarios.shipped():
+        if str(source) in shipped_scenarios():
             raise _is_scenario(source) from None
         raise StudyError(
             f"study {str(source)!r} is neither a file nor one of: {', '.join(known)}"

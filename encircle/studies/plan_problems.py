@@ -6,7 +6,7 @@ from math import prod
 from encircle.measures.registry import MEASURES
 from encircle.protocol.suggestions import did_you_mean
 from encircle.studies.plan import CELLS_MAX, RESERVED, Plan
-from encircle.world.scenario.scenario import ScenarioError
+from encircle.world.scenario.errors import ScenarioError
 
 GIVE = "give either"
 """What a scenario without robots is told, to which a study may add them on an axis."""

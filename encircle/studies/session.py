@@ -23,11 +23,12 @@ from encircle.protocol.errors import LinkClosed
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.messages import FAILED_FOR
 from encircle.protocol.plugins import PluginFailed
-from encircle.protocol.programs.interrupts import check, is_kept
-from encircle.protocol.programs.log import bounded_log
+from encircle.protocol.process.interrupts import check, is_kept
+from encircle.protocol.process.log import bounded_log
 from encircle.protocol.programs.options import without_settings
 from encircle.protocol.zenoh.connection import LinkError, ZenohLink
 from encircle.protocol.zenoh.endpoints import Access
+from encircle.runlog.recorded_log import log_of_messages
 from encircle.runlog.runlog import RunLog
 from encircle.runner import launch
 from encircle.runner.launch import ONE_THREAD, STOP_S_MAX, Patience, free_endpoint
@@ -37,9 +38,11 @@ from encircle.studies.sources import versions
 from encircle.studies.workers import StudyFailed
 from encircle.world.arena.engine import Arena, build
 from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.loading.load import load
 from encircle.world.process.sending import send
 from encircle.world.process.server import ASK_AGAIN_S, run_rounds
-from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import Scenario
 
 WATCH_PERIOD_S = 0.1
 Messages = list[tuple[int, str, bytes]]
@@ -184,7 +187,7 @@ class Session:
         if core.ended.startswith(FAILED_FOR):
             raise RunEnded(core.ended.removeprefix(FAILED_FOR))
         digest = core.result().digest
-        return RunLog.of_messages(arena.scenario, arena.seed, self._run, messages), digest
+        return log_of_messages(arena.scenario, arena.seed, self._run, messages), digest
 
     def _alive_changed(self, key: str, alive: bool) -> None:
         robot = next((r for r in self._robots if key == robot_key(self._run, r, "alive")), None)

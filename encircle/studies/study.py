@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.protocol.programs.interrupts import held
-from encircle.protocol.programs.tracebacks import KEPT_IN
+from encircle.protocol.process.interrupts import held
+from encircle.protocol.process.tracebacks import KEPT_IN
 from encircle.runner.hunts import LINKS
 from encircle.studies.one_run import FAILED, TRACE, Row, Task
 from encircle.studies.plan import Plan
 from encircle.studies.sources import code
 from encircle.studies.table import StudyTable
 from encircle.studies.workers import in_processes, on_cluster
-from encircle.world.scenario.remarks import ScenarioRemark
+from encircle.world.loading.remarks import ScenarioRemark
 
 if TYPE_CHECKING:
     import pandas as pd

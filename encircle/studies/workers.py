@@ -10,7 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from typing import Any
 
-from encircle.protocol.programs.interrupts import check
+from encircle.protocol.process.interrupts import check
 from encircle.runner import process_pool as pool
 from encircle.studies import one_run as work
 from encircle.studies.one_run import Row, Task

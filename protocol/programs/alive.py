@@ -8,7 +8,7 @@ of the party itself, so that inside its container the check needs no arguments.
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from encircle.protocol.programs.interrupts import end_at_once
+    from encircle.protocol.process.interrupts import end_at_once
 
     end_at_once("alive")
 
@@ -16,8 +16,8 @@ import argparse
 from collections.abc import Sequence
 
 from encircle.protocol.keys import robot_key, world_key
-from encircle.protocol.programs.interrupts import leave
-from encircle.protocol.programs.log import say
+from encircle.protocol.process.interrupts import leave
+from encircle.protocol.process.log import say
 from encircle.protocol.programs.options import Options, identity, name_of, seconds
 from encircle.protocol.zenoh.connection import closing, has_neighbours, is_alive, open_session
 from encircle.protocol.zenoh.endpoints import Access, AccessError, Identity, LinkError, here

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from encircle.protocol.keys import check_name
-from encircle.protocol.programs.log import printable
+from encircle.protocol.process.log import printable
 from encircle.protocol.zenoh.endpoints import Access, AccessError, Identity, Mode
 
 PREFIX = "ENCIRCLE_"

@@ -6,7 +6,7 @@ this one is the library that is installed anyway, in router mode, without plugin
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from encircle.protocol.programs.interrupts import end_at_once
+    from encircle.protocol.process.interrupts import end_at_once
 
     end_at_once("router")
 
@@ -20,8 +20,8 @@ from typing import Any
 from encircle.protocol.errors import UnknownKey
 from encircle.protocol.keys import parse_key, robot_key, world_key
 from encircle.protocol.mailbox import now_us
-from encircle.protocol.programs.interrupts import leave, told_to
-from encircle.protocol.programs.log import say_error
+from encircle.protocol.process.interrupts import leave, told_to
+from encircle.protocol.process.log import say_error
 from encircle.protocol.programs.options import Options, access, name_of
 from encircle.protocol.zenoh.access_control import ROUTER
 from encircle.protocol.zenoh.configuration import warning

@@ -21,7 +21,7 @@ import zenoh
 from encircle.protocol.errors import LinkClosed, ProtocolError
 from encircle.protocol.keys import is_plain
 from encircle.protocol.mailbox import now_us
-from encircle.protocol.programs.interrupts import leave_threads_at_work
+from encircle.protocol.process.interrupts import leave_threads_at_work
 from encircle.protocol.zenoh.configuration import configuration, in_one_line
 from encircle.protocol.zenoh.endpoints import BY_HOST_AND_PORT, Access, LinkError, host_and_port
 from encircle.protocol.zenoh.lanes import ROUND, SURE, lane

@@ -18,7 +18,7 @@ import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
-from encircle.protocol.programs.log import say_error
+from encircle.protocol.process.log import say_error
 
 LOG = "off,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
 """What Zenoh is to write to its log, in the form of the environment variable ``RUST_LOG``."""

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from encircle.runlog.runlog import RunLog
-from encircle.world.scenario.scenario import Scenario, load
+from encircle.world.loading.load import load
+from encircle.world.scenario.model import Scenario
 
 RING_M = 4.0
 SQUARE = ((RING_M, 0.0), (0.0, RING_M), (-RING_M, 0.0), (0.0, -RING_M))

@@ -15,8 +15,9 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.keys import parse_key
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.paced_core import PacedCore
+from encircle.world.loading.load import load
 from encircle.world.recording.run_directory import start_recording
-from encircle.world.scenario.scenario import Scenario, load
+from encircle.world.scenario.model import Scenario
 
 RUN = "clocked"
 EPOCH_US = 1_700_000_000_000_000

@@ -12,7 +12,9 @@ from math import cos, pi, sin
 from typing import Any
 
 from encircle.world.arena.engine import build
-from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import Scenario
 
 TRIES_MAX = 50
 ROBOTS = range(2, 9)

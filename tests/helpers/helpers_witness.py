@@ -28,7 +28,8 @@ from encircle.world.arena.engine import Arena
 from encircle.world.channel.loss_causes import CAUSES
 from encircle.world.coordinator.result import Result
 from encircle.world.coordinator.world_core import WorldCore
-from encircle.world.scenario.scenario import Crash, MoveTarget
+from encircle.world.scenario.channel_model import Crash
+from encircle.world.scenario.model import MoveTarget
 
 STEP_TOLERANCE_M = 64 * QUANTUM_M
 """61 um. Two that touch get their skin of four quanta back, one between several more than once in a

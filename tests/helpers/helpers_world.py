@@ -12,7 +12,8 @@ from encircle.protocol.messages import Command, Point, Pose
 from encircle.world.arena import engine
 from encircle.world.arena.engine import Arena, build
 from encircle.world.coordinator.world_core import WorldCore
-from encircle.world.scenario.scenario import Scenario, load
+from encircle.world.loading.load import load
+from encircle.world.scenario.model import Scenario
 
 RUN = "tested"
 SQUARE = ((4.0, 0.0), (0.0, 4.0), (-4.0, 0.0), (0.0, -4.0))

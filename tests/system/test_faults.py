@@ -14,7 +14,8 @@ from helpers_waiting import LONGEST_S, completed
 
 import encircle
 from encircle.protocol import VERSION
-from encircle.replay.replaying import read_recording, replay
+from encircle.replay.replaying import replay
+from encircle.world.recording.recording import read_recording
 from encircle.world.recording.resuming import rebuild
 
 ENOUGH_BYTES = 150_000

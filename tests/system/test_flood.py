@@ -34,9 +34,9 @@ from encircle.protocol.messages import Command, Observation, Pose, Setup
 from encircle.protocol.zenoh.access_control import identity_in
 from encircle.protocol.zenoh.connection import ZenohLink
 from encircle.protocol.zenoh.endpoints import Access
-from encircle.replay.replaying import read_recording
 from encircle.runner.launch import free_endpoint
 from encircle.world.__main__ import TAKEN_BYTES_MAX
+from encircle.world.recording.recording import read_recording
 
 RUN = "flooded"
 TICKS = 800

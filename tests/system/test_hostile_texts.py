@@ -35,16 +35,16 @@ from encircle.protocol.codec import encode
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.messages import End, Setup
 from encircle.protocol.plugins import TARGET, TARGETS, PluginFailed
+from encircle.protocol.process.log import bounded_log, printable, say, say_error
 from encircle.protocol.programs import alive
-from encircle.protocol.programs.log import bounded_log, printable, say, say_error
 from encircle.protocol.zenoh.connection import answer, open_session
 from encircle.protocol.zenoh.endpoints import Access
 from encircle.runner.launch import free_endpoint
 from encircle.studies.report import page
+from encircle.world.loading.load import load
 from encircle.world.process.reports import report_as_json
 from encircle.world.recording.recorder import Recorder
 from encircle.world.recording.run_directory import RECORDING
-from encircle.world.scenario.scenario import load
 
 PACKAGES = ("agents", "encircle", "protocol", "world")
 EVIL = "\x1b[2J\x1b]0;mine\x07\r\n\x9b31m[red]\N{RIGHT-TO-LEFT OVERRIDE}[/red]\x00\u2028 \x7f"
@@ -100,7 +100,7 @@ def test_no_shell_prints_but_by_these():
         if isinstance(node, ast.Call) and ast.unparse(node.func) in writing
     }
     assert sorted(found) == [
-        ("protocol/programs/log.py", "print"),
+        ("protocol/process/log.py", "print"),
         ("world/process/reports.py", "print"),
     ]
 

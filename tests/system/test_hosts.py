@@ -11,7 +11,8 @@ from helpers_waiting import ample_s
 import encircle
 from encircle.protocol.codec import decode
 from encircle.protocol.messages import Command
-from encircle.replay.replaying import read_recording, replay
+from encircle.replay.replaying import replay
+from encircle.world.recording.recording import read_recording
 
 ROBOTS = ("r1", "r2", "r3", "r4")
 LONG = {

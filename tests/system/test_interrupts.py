@@ -20,7 +20,7 @@ from helpers_interrupts import Group, ours
 from helpers_waiting import completed, until
 
 import encircle
-from encircle.protocol.programs.interrupts import Interrupted, check, held, told_to
+from encircle.protocol.process.interrupts import Interrupted, check, held, told_to
 from encircle.replay.replaying import replay
 from encircle.runner.launch import free_endpoint
 
@@ -264,7 +264,7 @@ def test_a_process_that_leaves_a_thread_at_work_ends_with_its_status_and_all_tha
     """Python's own way out would have the thread come back into what is being taken down."""
     program = """
 import atexit, sys
-from encircle.protocol.programs.interrupts import leave, leave_threads_at_work
+from encircle.protocol.process.interrupts import leave, leave_threads_at_work
 atexit.register(print, "taken down")
 print("the last word", end="")
 if sys.argv[1] == "at work":

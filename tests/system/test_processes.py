@@ -19,8 +19,9 @@ from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import Command, End, Pose
 from encircle.protocol.zenoh.connection import ZenohLink
 from encircle.protocol.zenoh.endpoints import Access
-from encircle.replay.replaying import read_recording, replay
+from encircle.replay.replaying import replay
 from encircle.runner.launch import RunFailed, free_endpoint
+from encircle.world.recording.recording import read_recording
 
 PAPER = ("sim1", "sim2", "sim3", "sim4", "sim5")
 BAD_RADIO = (

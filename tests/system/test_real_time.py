@@ -23,8 +23,9 @@ from encircle.protocol.connections import MemoryHub
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import Command, End, Observation, Setup
 from encircle.protocol.real_time import PASSED_OVER, STOPPED
-from encircle.replay.replaying import read_recording, replay
+from encircle.replay.replaying import replay
 from encircle.runner.launch import free_endpoint
+from encircle.world.recording.recording import read_recording
 
 RUN = "clocked"
 

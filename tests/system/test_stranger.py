@@ -27,11 +27,11 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import Command, Observation, Pose, Setup, State
-from encircle.replay.replaying import read_recording
 from encircle.runner.launch import free_endpoint
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.world_core import WorldCore
-from encircle.world.scenario.scenario import load
+from encircle.world.loading.load import load
+from encircle.world.recording.recording import read_recording
 
 PROGRAM = STRANGER / "robot.py"
 OURS = ("encircle",)

@@ -15,10 +15,10 @@ from rich.console import Console
 
 from encircle.agents.process import status_lines as robots
 from encircle.cli.display import Display
-from encircle.cli.progress import PERIOD_S, Progress
+from encircle.progress import PERIOD_S, Progress
 from encircle.runner.launch import free_endpoint
+from encircle.world.loading.load import load
 from encircle.world.process import reports as worlds
-from encircle.world.scenario.scenario import load
 
 RESULT = {"ticks": 32, "captured": True, "ended": "captured", "distances_m": [1.0, 1.25]}
 STARTED = {"started": {"world": 1, "r1": 2}, "run": "a", "endpoint": "tcp/127.0.0.1:1"}

@@ -23,7 +23,7 @@ from encircle.runner import hunts
 from encircle.runner.launch import run_processes
 from encircle.studies import session
 from encircle.world.arena.engine import build
-from encircle.world.scenario.scenario import Scenario
+from encircle.world.scenario.model import Scenario
 
 PAGE = (DOCS / "protocol.md").read_text(encoding="utf-8")
 PROGRAM = re.search(r"\n## The digest\n.*?```python\n(.*?)```", PAGE, re.DOTALL)[1]

@@ -21,7 +21,8 @@ from encircle.world.arena.capture import is_captured
 from encircle.world.arena.dynamics import quantised
 from encircle.world.channel import channel as radio
 from encircle.world.random_streams import Purpose, uniforms
-from encircle.world.scenario.scenario import MoveTarget, Scenario, Silence
+from encircle.world.scenario.channel_model import Silence
+from encircle.world.scenario.model import MoveTarget, Scenario
 from encircle.world.targets.behaviours import TargetView, act
 
 Floats = NDArray[np.float64]

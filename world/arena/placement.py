@@ -15,7 +15,8 @@ from encircle.protocol.messages import Point
 from encircle.world.arena.collisions import SKIN_M
 from encircle.world.arena.dynamics import quantised
 from encircle.world.random_streams import Purpose, uniforms
-from encircle.world.scenario.scenario import Scenario, ScenarioError
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import Scenario
 
 Floats = NDArray[np.float64]
 TRIES_MAX = 10_000

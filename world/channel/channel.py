@@ -39,7 +39,7 @@ from encircle.world.channel import delay, loss, outages, rate_limit
 from encircle.world.channel.loss_causes import CAUSES, Cause
 from encircle.world.random_streams import Purpose, link_uniforms
 from encircle.world.scenario.channel_model import delay_parts, loss_parts
-from encircle.world.scenario.scenario import Scenario
+from encircle.world.scenario.model import Scenario
 
 __all__ = ["CAUSES", "Cause", "Channel", "ChannelState", "Fates", "Flight", "Sending"]
 

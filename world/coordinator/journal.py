@@ -14,7 +14,7 @@ from encircle.world.arena.engine import ArenaState
 from encircle.world.channel import channel as radio
 from encircle.world.channel.delay_means import Asked, asked
 from encircle.world.coordinator.result import Result
-from encircle.world.scenario.scenario import Scenario
+from encircle.world.scenario.model import Scenario
 
 Outgoing = list[tuple[str, bytes]]
 Record = Callable[[int, str, bytes], None]

@@ -54,7 +54,7 @@ from encircle.world.channel import channel as radio
 from encircle.world.coordinator.journal import Account, Outgoing, Record
 from encircle.world.coordinator.membership import Membership
 from encircle.world.coordinator.result import Result
-from encircle.world.scenario.scenario import digest_header
+from encircle.world.scenario.model import digest_header
 
 __all__ = ["Outgoing", "Record", "WorldCore"]
 

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from encircle.protocol.programs.log import say_error
+from encircle.protocol.process.log import say_error
 
 Reporter = Callable[[dict[str, Any]], None]
 PERIOD_S = 1.0

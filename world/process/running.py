@@ -15,9 +15,9 @@ from typing import Any
 
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.messages import FAILED_FOR
-from encircle.protocol.programs.interrupts import told_to
-from encircle.protocol.programs.log import say_error
-from encircle.protocol.programs.tracebacks import line_of
+from encircle.protocol.process.interrupts import told_to
+from encircle.protocol.process.log import say_error
+from encircle.protocol.process.tracebacks import line_of
 from encircle.protocol.zenoh.connection import LinkError, ZenohLink
 from encircle.protocol.zenoh.endpoints import Access
 from encircle.protocol.zenoh.unique_names import check_free

@@ -21,7 +21,7 @@ from encircle.protocol import VERSION
 from encircle.protocol.connections import Link
 from encircle.protocol.errors import LinkClosed, ProtocolError
 from encircle.protocol.keys import parse_key, robot_key, world_key
-from encircle.protocol.programs.log import say_error
+from encircle.protocol.process.log import say_error
 from encircle.protocol.zenoh.connection import ZenohLink
 from encircle.world.coordinator.deadlines import Punctuality
 from encircle.world.coordinator.failure_detector import NO_ANSWER, Attendance, RunEnded

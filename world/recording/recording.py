@@ -18,8 +18,10 @@ from mcap.stream_reader import StreamReader
 from encircle.protocol.codec import M, decode
 from encircle.protocol.errors import ProtocolError, UnknownKey
 from encircle.protocol.keys import check_name, parse_key
+from encircle.world.loading.load import load
 from encircle.world.recording.run_directory import RECORDING, RunDirectoryError
-from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import Scenario
 
 UNREADABLE = (
     *(McapError, EOFError, ValueError, KeyError, struct.error),

@@ -20,7 +20,7 @@ from encircle.protocol.codec import decode, encode
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.keys import parse_key
 from encircle.protocol.messages import Observation, Setup
-from encircle.protocol.programs.interrupts import check
+from encircle.protocol.process.interrupts import check
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.world_core import Outgoing, WorldCore
 from encircle.world.recording.recording import Recording, RecordingError, read_recording

@@ -15,7 +15,7 @@ from typing import Any
 from encircle.protocol import VERSION
 from encircle.world.coordinator.result import Result
 from encircle.world.recording.recorder import Recorder, RecordingStopped
-from encircle.world.scenario.scenario import Scenario, digest_header
+from encircle.world.scenario.model import Scenario, digest_header
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"

@@ -33,7 +33,7 @@ class Loss(Model):
     """Loss of packets. For Gilbert-Elliott and bursts the probabilities are per tick of a link.
 
     A trace's ``values`` are for the links that have none of their own in ``links``; 1 is lost. In a
-    file's place (``file``, see ``encircle.world.scenario.trace_files``) a loaded scenario holds
+    file's place (``file``, see ``encircle.world.loading.trace_files``) a loaded scenario holds
     what was in it.
     """
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from html import escape as html_escape
 from pathlib import Path
 
-from encircle.protocol.programs.log import printable_lines
+from encircle.protocol.process.log import printable_lines
 
 STYLE = """
 :root { color-scheme: light; --ink: #1a1a1a; --soft: #4a4a4a; --line: #c9c9c9; --tint: #f3f5f7; }

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from encircle.studies.charts.views import label, level_text
 from encircle.studies.plan import Axis, Plan
-from encircle.world.scenario.scenario import Scenario
+from encircle.world.scenario.model import Scenario
 
 ITEMS_MAX = 12
 

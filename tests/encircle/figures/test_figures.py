@@ -18,7 +18,6 @@ from encircle.figures.figures import (
     draw_trajectories,
 )
 from encircle.protocol.messages import Command
-from encircle.replay.replaying import read_recording
 from encircle.runlog.ground_truth import (
     commands_at,
     estimates_agree,
@@ -27,6 +26,7 @@ from encircle.runlog.ground_truth import (
     tracks_of,
 )
 from encircle.runner.hunts import run
+from encircle.world.recording.recording import read_recording
 
 OKABE_ITO = {"#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#000000"}
 

@@ -17,9 +17,9 @@ from matplotlib.image import imread
 
 from encircle.figures import figures
 from encircle.figures.figures import draw_run
-from encircle.replay.replaying import read_recording
 from encircle.runlog.ground_truth import tracks_of
 from encircle.runner.hunts import run
+from encircle.world.recording.recording import read_recording
 
 HUNT = DOCS / "hunt.png"
 CHASE = {

@@ -10,14 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from encircle.measures.registry import MEASURES, measure
-from encircle.replay.replaying import read_recording
 from encircle.runlog.ground_truth import points_shared, tracks_of
-from encircle.runlog.runlog import Collector, RunLog
+from encircle.runlog.recorded_log import log_of_recording
+from encircle.runlog.runlog import Collector
 from encircle.runner.hunts import run
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena.engine import build
 from encircle.world.arena.sensing import geometry
-from encircle.world.scenario.scenario import load
+from encircle.world.loading.load import load
+from encircle.world.recording.recording import read_recording
 
 CHEAP = settings(max_examples=80, deadline=None, derandomize=True)
 DOCUMENTATION = DOCS / "measures.md"
@@ -148,7 +149,7 @@ def recorded(tmp_path_factory):
 def test_measures_of_a_run_agree_with_its_result_and_its_tracks(recorded):
     hunt, recording = recorded
     found, result, tracks = (
-        measure(RunLog.of_recording(recording)),
+        measure(log_of_recording(recording)),
         hunt.result,
         tracks_of(recording),
     )
@@ -168,7 +169,7 @@ def test_measures_of_a_run_agree_with_its_result_and_its_tracks(recorded):
 
 def test_a_nearest_gap_is_that_of_the_worlds_own_geometry(recorded):
     hunt, recording = recorded
-    log, arena = RunLog.of_recording(recording), tracks_of(recording).arena
+    log, arena = log_of_recording(recording), tracks_of(recording).arena
     fixed = [obstacle.position for obstacle in hunt.scenario.obstacles]
     gaps = [geometry(np.array([*row, *fixed]), arena.radii, 4).gaps for row in log.positions]
     assert measure(log, ["separation_m_min"])["separation_m_min"] == pytest.approx(np.min(gaps))

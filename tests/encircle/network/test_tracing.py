@@ -13,12 +13,11 @@ from typer.testing import CliRunner
 from encircle.cli.main import app
 from encircle.network.tracing import NetworkTrace, Row, TraceFileError, trace_of, write_trace
 from encircle.network.transport import show, traffic_of
-from encircle.replay.replaying import read_recording
-from encircle.runlog.runlog import RunLog
+from encircle.runlog.recorded_log import log_of_recording
 from encircle.runner.hunts import run
+from encircle.world.loading.trace_files import read_trace, rows_of
 from encircle.world.network.transport import links_of
-from encircle.world.recording.recording import RecordingError
-from encircle.world.scenario.trace_files import read_trace, rows_of
+from encircle.world.recording.recording import RecordingError, read_recording
 
 TICKS = 160
 
@@ -56,7 +55,7 @@ def test_recorded_converted_and_replayed_the_losses_are_those_of_the_network(
     }
     overrides = [f"channel.loss={table}", f"channel.delay={table}", "capture.stop_distance_m=1.01"]
     run(hunt, link="memory", overrides=overrides, out=tmp_path / "replayed")
-    due = RunLog.of_recording(read_recording(tmp_path / "replayed")).due
+    due = log_of_recording(read_recording(tmp_path / "replayed")).due
     ids = recorded.scenario.ids
     for i, sender in enumerate(ids):
         for k, receiver in enumerate(ids):

@@ -11,7 +11,6 @@ import pytest
 from helpers_intervals import assert_covers
 from scipy import stats
 
-from encircle.cli.progress import no_progress
 from encircle.paper import execution_times as times_module
 from encircle.paper import reproduce as reproduce_module
 from encircle.paper.claims import Finding, Holds, Simulation, solid_finding
@@ -28,11 +27,12 @@ from encircle.paper.execution_times import (
     run_many,
 )
 from encircle.paper.reproduce import Report, _fastest, _fulfilled, _simulation_4, _table, reproduce
+from encircle.progress import no_progress
 from encircle.runner.hunts import run
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena.engine import build, initial
+from encircle.world.loading.load import load
 from encircle.world.recording.run_directory import RunDirectoryError
-from encircle.world.scenario.scenario import load
 
 X_M = (9.0, 12.0)
 SEEDS = 2

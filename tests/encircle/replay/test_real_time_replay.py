@@ -8,11 +8,11 @@ from helpers_real_time import RUN, Simulated, by_clock
 
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.messages import Command
-from encircle.replay.replaying import read_recording, replay
-from encircle.runlog.runlog import RunLog
+from encircle.replay.replaying import replay
+from encircle.runlog.recorded_log import log_of_recording
 from encircle.world.network.transport import links_of
 from encircle.world.recording.recorder import Recorder
-from encircle.world.recording.recording import RecordingError
+from encircle.world.recording.recording import RecordingError, read_recording
 
 CHANNEL = (
     'channel.loss={model="bernoulli",rate=0.3}',
@@ -141,5 +141,5 @@ def metadata_of(path):
 def test_measures_of_a_run_by_the_clock_are_refused_in_one_line(tmp_path):
     Simulated(by_clock("ticks_max=5"), delays_us, out=tmp_path).run()
     with pytest.raises(RecordingError, match="clock = 'wall'") as refused:
-        RunLog.of_recording(read_recording(tmp_path))
+        log_of_recording(read_recording(tmp_path))
     assert "\n" not in str(refused.value)

@@ -6,9 +6,10 @@ import pytest
 
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.messages import Command, Observation, Pose
-from encircle.replay.replaying import RecordingError, read_recording, replay
+from encircle.replay.replaying import replay
 from encircle.runner.hunts import run
 from encircle.world.recording.recorder import Recorder
+from encircle.world.recording.recording import RecordingError, read_recording
 
 NOISY = ["channel.loss={model='bernoulli', rate=0.2}", "sensing.noise_m_std=0.05"]
 KINDS = {"pose": Pose, "command": Command, "observation": Observation}

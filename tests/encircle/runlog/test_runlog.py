@@ -9,12 +9,14 @@ from helpers_scenarios import scenario_of
 
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.messages import QUANTUM_M, Command, Pose, Radio, State
-from encircle.replay.replaying import RecordingError, read_recording
+from encircle.runlog.recorded_log import log_of_messages, log_of_recording
 from encircle.runlog.runlog import Collector, RunLog
 from encircle.runner.hunts import run
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena.engine import build
-from encircle.world.scenario.scenario import Scenario, load
+from encircle.world.loading.load import load
+from encircle.world.recording.recording import RecordingError, read_recording
+from encircle.world.scenario.model import Scenario
 
 NAME = "tested"
 LOSS = "channel.loss={model='bernoulli', rate=0.3}"
@@ -67,7 +69,7 @@ def assert_same(one, other, ticks=None):
 @pytest.mark.parametrize(("scenario", "changes"), CASES)
 def test_messages_give_the_log_that_was_collected(scenario, changes):
     loaded, messages, result, log = hunted(scenario, changes)
-    assert_same(RunLog.of_messages(loaded, 2, NAME, messages), log)
+    assert_same(log_of_messages(loaded, 2, NAME, messages), log)
     assert (log.ticks, log.captured, log.ended) == (result.ticks, result.captured, result.ended)
     assert log.count == len(loaded.ids)
     assert len(log.contacts) == result.contacts
@@ -75,7 +77,7 @@ def test_messages_give_the_log_that_was_collected(scenario, changes):
 
 def same_log_of_a_drawn_run(seed):
     scenario, messages, _, log = hunted(scenario_of(seed), seed=seed)
-    assert_same(RunLog.of_messages(scenario, seed, NAME, messages), log)
+    assert_same(log_of_messages(scenario, seed, NAME, messages), log)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -103,7 +105,7 @@ def test_the_length_of_the_runs_name_is_not_in_the_log():
 def test_a_recorded_hunt_over_zenoh_gives_the_log_of_the_same_hunt_in_memory(tmp_path):
     changes = [LOSS, DELAY, NOISE, "ticks_max=20"]
     run("sim1", seed=2, link="zenoh", overrides=changes, out=tmp_path / "run")
-    log = RunLog.of_recording(read_recording(tmp_path / "run"))
+    log = log_of_recording(read_recording(tmp_path / "run"))
     # The scenario as read back has its overrides written out.
     _, _, _, collected = hunted("sim1", [*changes, "seed=2"])
     assert_same(log, collected)
@@ -118,12 +120,12 @@ def recorded(tmp_path_factory):
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8, 0.9])
 def test_a_recording_cut_off_gives_the_log_of_its_whole_rounds(recorded, tmp_path, share):
-    whole = RunLog.of_recording(read_recording(recorded))
+    whole = log_of_recording(read_recording(recorded))
     data = recorded.read_bytes()
     path = tmp_path / "cut.mcap"
     path.write_bytes(data[: int(share * len(data))])
     recording = read_recording(path)
-    log = RunLog.of_recording(recording)
+    log = log_of_recording(recording)
     assert log.ended is None
     assert not log.captured
     assert_same(log, whole, log.ticks)
@@ -136,7 +138,7 @@ def test_every_cut_between_two_messages_is_one_between_two_rounds():
     loaded, messages, _, whole = hunted("sim1", [LOSS, "ticks_max=3"])
     # A round of four robots: 8 answers, the radio, the next state.
     for end in range(len(messages) + 1):
-        log = RunLog.of_messages(loaded, 2, NAME, messages[:end])
+        log = log_of_messages(loaded, 2, NAME, messages[:end])
         shown = [tick for tick, topic, _ in messages[:end] if topic.endswith("/state")]
         assert log.ticks == max(shown, default=0)
         assert_same(log, whole, log.ticks)
@@ -214,12 +216,12 @@ def test_commands_that_are_not_those_of_this_programs_robots_are_refused():
 
     strange = changed(messages, 3, "robots/r2/command", other)
     with pytest.raises(RecordingError, match="r2 decided otherwise at tick 3"):
-        RunLog.of_messages(loaded, 2, NAME, strange)
+        log_of_messages(loaded, 2, NAME, strange)
 
     def refusing(payload):
         return encode(replace(decode(Command, payload, NAME), refused={"malformed": 1}), NAME)
 
-    RunLog.of_messages(loaded, 2, NAME, changed(messages, 3, "robots/r2/command", refusing))
+    log_of_messages(loaded, 2, NAME, changed(messages, 3, "robots/r2/command", refusing))
 
 
 def test_copies_are_read_where_there_are_any():
@@ -231,7 +233,7 @@ def test_copies_are_read_where_there_are_any():
         radio = decode(Radio, payload, NAME)
         return encode(replace(radio, copies=tuple(map(tuple, copies.tolist()))), NAME)
 
-    found = RunLog.of_messages(loaded, 2, NAME, changed(messages, 3, "world/radio", copied))
+    found = log_of_messages(loaded, 2, NAME, changed(messages, 3, "world/radio", copied))
     assert found.copies[3].tolist() == copies.tolist()
     assert not np.delete(found.copies, 3, axis=0).any()
     assert not log.copies.any()
@@ -242,7 +244,7 @@ def test_a_round_that_is_not_whole_ends_the_log(topic):
     loaded, messages, _, log = hunted("sim1", ["ticks_max=5"])
     tick = 4 if "observation" in topic else 3  # without it, the robot's next one is out of turn
     rest = [m for m in messages if m[:2] != (tick, f"encircle/{NAME}/{topic}")]
-    found = RunLog.of_messages(loaded, 2, NAME, rest)
+    found = log_of_messages(loaded, 2, NAME, rest)
     assert (found.ticks, found.ended, found.captured) == (tick, None, False)
     assert_same(found, log, tick)
 
@@ -260,24 +262,24 @@ def test_a_round_that_is_not_whole_ends_the_log(topic):
 def test_messages_that_cannot_be_read_are_refused_with_their_name(topic, payload, said):
     loaded, messages, _, _ = hunted("sim1", ["ticks_max=2"])
     with pytest.raises(RecordingError, match=said):
-        RunLog.of_messages(loaded, 2, NAME, [*messages, (3, topic, payload)])
+        log_of_messages(loaded, 2, NAME, [*messages, (3, topic, payload)])
 
 
 def test_a_recording_of_another_scenario_is_refused():
     _, messages, _, _ = hunted("sim1", ["ticks_max=2"])
     smaller = load("sim1", ["team.positions=[[-5.0,0.5],[-3.0,-9.0],[11.0,-1.0]]"])
     with pytest.raises(RecordingError):
-        RunLog.of_messages(smaller, 2, NAME, messages)
+        log_of_messages(smaller, 2, NAME, messages)
     states = [m for m in messages if m[1].endswith("/state")]
     with pytest.raises(RecordingError, match="bodies of another scenario"):
-        RunLog.of_messages(smaller, 2, NAME, states)
+        log_of_messages(smaller, 2, NAME, states)
 
 
 def test_an_observation_out_of_turn_or_without_setup_is_refused():
     loaded, messages, _, _ = hunted("sim1", ["ticks_max=4"])
     without = [m for m in messages if not m[1].endswith("/setup")]
     with pytest.raises(RecordingError, match="before setup"):
-        RunLog.of_messages(loaded, 2, NAME, without)
+        log_of_messages(loaded, 2, NAME, without)
     left_out = [m for m in messages if m[:2] != (1, f"encircle/{NAME}/robots/r3/observation")]
     with pytest.raises(RecordingError, match="r3/observation of tick 2"):
-        RunLog.of_messages(loaded, 2, NAME, left_out)
+        log_of_messages(loaded, 2, NAME, left_out)

@@ -4,10 +4,12 @@ import json
 
 import pytest
 
-from encircle.replay.replaying import read_recording
 from encircle.runner.hunts import default_directory, run
+from encircle.world.loading.files import shipped
+from encircle.world.loading.load import load
+from encircle.world.recording.recording import read_recording
 from encircle.world.recording.run_directory import RunDirectoryError
-from encircle.world.scenario.scenario import ScenarioError, load, shipped
+from encircle.world.scenario.errors import ScenarioError
 
 HARD = [
     "channel.loss={model='gilbert-elliott', good_to_bad=0.1, bad_to_good=0.3}",

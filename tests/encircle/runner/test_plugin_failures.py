@@ -21,11 +21,13 @@ from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import FAILED, Command, Setup
 from encircle.protocol.plugins import BadAnswer, PluginFailed
-from encircle.replay.replaying import read_recording, replay
+from encircle.replay.replaying import replay
 from encircle.runner.launch import RunFailed, free_endpoint
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.world_core import WorldCore
-from encircle.world.scenario.scenario import ScenarioError, load
+from encircle.world.loading.load import load
+from encircle.world.recording.recording import read_recording
+from encircle.world.scenario.errors import ScenarioError
 from encircle.world.targets.behaviours import behaviour_named
 
 SOURCE = """

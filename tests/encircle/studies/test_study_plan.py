@@ -6,7 +6,7 @@ import pytest
 from encircle.measures.registry import MEASURES
 from encircle.studies.plan import StudyError, toml
 from encircle.studies.plan_files import load_plan, shipped_studies
-from encircle.world.scenario.scenario import load
+from encircle.world.loading.load import load
 
 LOSS = {"name": "loss", "key": "channel.loss.rate", "values": [0.0, 0.5]}
 TREE = {

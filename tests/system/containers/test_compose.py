@@ -25,7 +25,8 @@ import encircle
 from encircle.network.certificates import make_certificates
 from encircle.protocol.codec import decode
 from encircle.protocol.messages import Command
-from encircle.replay.replaying import read_recording, replay
+from encircle.replay.replaying import replay
+from encircle.world.recording.recording import read_recording
 
 pytestmark = [
     pytest.mark.skipif("ENCIRCLE_CONTAINERS" not in os.environ, reason="run by make containers"),

@@ -9,7 +9,7 @@ from helpers_world import arena, frozen, small
 from scipy import stats
 
 from encircle.world.arena import engine
-from encircle.world.scenario.scenario import ScenarioError
+from encircle.world.scenario.errors import ScenarioError
 
 ALPHA = 1e-3
 LIVELY = (

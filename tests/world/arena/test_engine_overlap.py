@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
-from encircle.world.scenario.scenario import ScenarioError, load, shipped
+from encircle.world.loading.files import shipped
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
 
 HUNTS = [
     *((name, []) for name in shipped()),

@@ -11,7 +11,8 @@ from scipy import stats
 
 from encircle.world.arena import engine
 from encircle.world.arena.placement import starts
-from encircle.world.scenario.scenario import ScenarioError, load
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
 
 ALPHA = 1e-6
 

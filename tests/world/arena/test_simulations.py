@@ -13,7 +13,7 @@ import pytest
 import encircle
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
-from encircle.world.scenario.scenario import load
+from encircle.world.loading.load import load
 
 RANGE_M = 6.0
 STORIES = ("sim1", "sim2", "sim3", "sim4", "sim5")

@@ -10,7 +10,8 @@ from scipy import stats
 from encircle.world.channel import channel as radio
 from encircle.world.channel.delay import QUANTILES, whole_ticks
 from encircle.world.channel.loss_causes import Cause
-from encircle.world.scenario.scenario import Delay, ScenarioError
+from encircle.world.scenario.channel_model import Delay
+from encircle.world.scenario.errors import ScenarioError
 
 ALPHA = 1e-3
 

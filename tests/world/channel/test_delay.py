@@ -9,9 +9,9 @@ from scipy import stats
 
 from encircle.world.channel import delay
 from encircle.world.channel.delay import QUANTILES, whole_ticks
+from encircle.world.loading.load import load
 from encircle.world.random_streams import Purpose
 from encircle.world.scenario.channel_model import delay_parts
-from encircle.world.scenario.scenario import load
 
 
 def truncated(mean_s, std_s):

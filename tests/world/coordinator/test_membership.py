@@ -20,15 +20,18 @@ from encircle.protocol.codec import decode
 from encircle.protocol.errors import OutOfTurn
 from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import Observation, Setup
-from encircle.replay.replaying import read_recording, replay
-from encircle.runlog.runlog import Collector, RunLog
+from encircle.replay.replaying import replay
+from encircle.runlog.recorded_log import log_of_recording
+from encircle.runlog.runlog import Collector
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
 from encircle.world.arena.dynamics import COAST_TICKS
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.loading.load import load
+from encircle.world.recording.recording import read_recording
 from encircle.world.recording.run_directory import create, start_recording
-from encircle.world.scenario.scenario import ScenarioError, load
+from encircle.world.scenario.errors import ScenarioError
 
 CRASHES = (
     'events=[{kind="crash",robot="r3",tick=4,ticks=6},{kind="crash",robot="r1",tick=12},'
@@ -261,7 +264,7 @@ def test_a_run_with_losses_and_returns_replays_and_its_log_is_the_same_either_wa
     check = replay(tmp_path / "run")
     assert check.same
     assert check.differences == ()
-    kept = RunLog.of_recording(read_recording(tmp_path / "run"))
+    kept = log_of_recording(read_recording(tmp_path / "run"))
     measured, seen = measure(kept), measure(collector.log())
     np.testing.assert_array_equal(list(measured.values()), list(seen.values()))
     np.testing.assert_array_equal(
@@ -301,7 +304,7 @@ def test_a_recording_shows_when_a_robot_is_lost_in_the_midst_of_a_round(tmp_path
         (7, "r4", "lost: frozen"),
     ]
     assert check.same
-    there = RunLog.of_recording(read_recording(tmp_path / "run")).there[:, 3]
+    there = log_of_recording(read_recording(tmp_path / "run")).there[:, 3]
     assert there.tolist() == [True] * 3 + [False] * 5
 
 

@@ -12,7 +12,7 @@ from helpers_scenarios import scenario_of
 from helpers_swarm import play
 
 from encircle.world.channel.loss_causes import CAUSES
-from encircle.world.scenario.scenario import Crash
+from encircle.world.scenario.channel_model import Crash
 
 ONE = os.environ.get("ENCIRCLE_SWARM_SEED")
 SEEDS = range(60) if ONE is None else range(int(ONE), int(ONE) + 1)

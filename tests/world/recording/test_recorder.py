@@ -15,8 +15,8 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from encircle.protocol.codec import decode
-from encircle.replay.replaying import RecordingError, read_recording
 from encircle.world.recording.recorder import CHUNK_BYTES, Recorder
+from encircle.world.recording.recording import RecordingError, read_recording
 from encircle.world.recording.run_directory import start_recording, versions
 from encircle.world.recording.schemas import KINDS
 

@@ -10,6 +10,7 @@ from helpers_world import RUN, played, small
 
 from encircle.protocol import VERSION
 from encircle.world.arena.engine import build
+from encircle.world.loading.load import load
 from encircle.world.recording.recorder import RecordingStopped
 from encircle.world.recording.run_directory import (
     RunDirectoryError,
@@ -20,7 +21,6 @@ from encircle.world.recording.run_directory import (
     versions,
     write_summary,
 )
-from encircle.world.scenario.scenario import load
 
 
 def test_a_directory_is_made_with_its_parents_or_taken_if_it_is_empty(tmp_path):

@@ -6,8 +6,8 @@ import msgpack
 import pytest
 
 from encircle.protocol.keys import ROBOT_CHANNELS, WORLD_CHANNELS
-from encircle.replay.replaying import read_recording
 from encircle.runner.hunts import run
+from encircle.world.recording.recording import read_recording
 from encircle.world.recording.schemas import KINDS, json_schema
 
 TYPES = {

@@ -14,7 +14,7 @@ from helpers_scenarios import PARAMETERS, ROBOTS, scenario_of
 from pydantic import BaseModel
 
 from encircle.protocol.parameters import _CHOICES, Parameters
-from encircle.world.scenario.scenario import Scenario
+from encircle.world.scenario.model import Scenario
 
 SEEDS = range(300)
 CANNOT_BE_REPEATED = {"Scenario.clock", "Scenario.radio"}

@@ -14,8 +14,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from encircle.studies.plan import Plan, StudyError
 from encircle.studies.plan_files import load_plan
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.fields import shown
-from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+from encircle.world.scenario.model import Scenario
 from encircle.world.scenario.validation import OTHERWISE, keys_of, problems_in
 from encircle.world.targets.behaviours import check_parameters
 

@@ -5,7 +5,9 @@ import pytest
 import encircle
 from encircle.studies.plan import StudyError
 from encircle.studies.plan_files import load_plan
-from encircle.world.scenario.scenario import ScenarioError, digest_header, load
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import digest_header
 
 
 def test_the_keys_at_their_defaults_are_not_in_the_digest():

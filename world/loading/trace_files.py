@@ -15,7 +15,7 @@ from math import isnan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from encircle.world.scenario.channel_consistency import TRACE_ROWS_MAX
+from encircle.world.loading.channel_consistency import TRACE_ROWS_MAX
 from encircle.world.scenario.fields import shown
 
 DELAY_S_MAX = 600.0

@@ -8,20 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from encircle.protocol.suggestions import did_you_mean
+from encircle.world.loading.trace_files import anchored
+from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.fields import shown
-from encircle.world.scenario.trace_files import anchored
 
 STUDY_KEYS = {"scenario", "axes", "strategies"}
 """Keys that a study has and no scenario has."""
 
 
-class ScenarioError(ValueError):
-    """A scenario that cannot be run; the message lists every problem, one per line."""
-
-
 def shipped() -> dict[str, Path]:
     """The scenarios that come with the package, by name."""
-    folder = resources.files("encircle.world.scenario") / "shipped"
+    folder = resources.files("encircle.world.loading") / "shipped"
     files = [Path(str(f)) for f in folder.iterdir() if f.name.endswith(".toml")]
     return {path.stem: path for path in sorted(files)}
 

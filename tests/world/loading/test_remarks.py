@@ -12,19 +12,21 @@ import encircle
 from encircle.runner.memory import run_in_memory
 from encircle.studies.plan_files import load_plan
 from encircle.world.arena.engine import build
-from encircle.world.scenario.scenario import load, shipped
+from encircle.world.loading.files import shipped
+from encircle.world.loading.load import load
+from encircle.world.loading.remarks import remarks_on
 
 SMALL = {"ticks_max": 3, "team": {"robots": 4}}
 NEVER = "can never capture"
 
 
 def remarks(*changes, **tables):
-    return load({**SMALL, **tables}, changes).remarks()
+    return remarks_on(load({**SMALL, **tables}, changes))
 
 
 @pytest.mark.parametrize("name", shipped())
 def test_nothing_is_remarked_on_the_shipped_scenarios(name):
-    assert load(name).remarks() == []
+    assert remarks_on(load(name)) == []
 
 
 @pytest.mark.parametrize(("robots", "who"), [(1, "one robot"), (2, "2 robots")])
@@ -215,7 +217,7 @@ def test_what_the_remark_says_of_late_packets_is_so():
         collected = Collector()
         run_in_memory(build(scenario, 1), "aged", print, watch=collected)
         teams[mean_s] = collected.teams[-1]
-        assert bool(scenario.remarks()) == (mean_s > 0.5)
+        assert bool(remarks_on(scenario)) == (mean_s > 0.5)
     assert teams == {0.5: [3, 3, 3], 0.6: [1, 1, 1]}
 
 

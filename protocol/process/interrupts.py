@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
-from encircle.protocol.programs.log import printable
+from encircle.protocol.process.log import printable
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 STATUS = 1

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 
-from encircle.protocol.programs.log import printable
+from encircle.protocol.process.log import printable
 
 Tell = Callable[[int, int], None]
 PERIOD_S, DRAWN_S = 5.0, 0.1

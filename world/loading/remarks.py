@@ -1,31 +1,27 @@
 """What is worth knowing of a scenario before it is run, although it can be run as it is.
 
-A contradiction is refused (``encircle.world.scenario.consistency``). A remark is not: a team that
+A contradiction is refused (``encircle.world.loading.consistency``). A remark is not: a team that
 can never capture is a fine way to study tracking, if that is what was meant. Whoever starts a run
 tells its remarks first, a line each: the commands on standard error, the Python API as a
 ``ScenarioRemark``.
 """
 
-from typing import TYPE_CHECKING
-
 from encircle.protocol.parameters import Parameters
 from encircle.world.arena.capture import ROBOTS_MIN, most_within
 from encircle.world.scenario.channel_model import Crash, Delay, delay_parts
-
-if TYPE_CHECKING:
-    from encircle.world.scenario.scenario import Scenario
+from encircle.world.scenario.model import Scenario
 
 
 class ScenarioRemark(UserWarning):
     """The warning of ``encircle.run`` for a scenario that may not be what was meant."""
 
 
-def remarks_on(scenario: "Scenario") -> list[str]:
+def remarks_on(scenario: Scenario) -> list[str]:
     """Plain sentences on a valid scenario, key and value first; empty if there are none."""
     return [*_who_can_capture(scenario), *_delays(scenario)]
 
 
-def _who_can_capture(scenario: "Scenario") -> list[str]:
+def _who_can_capture(scenario: Scenario) -> list[str]:
     team, count = scenario.team, len(scenario.ids)
     if count < ROBOTS_MIN:
         key = f"team.robots = {count}" if team.positions is None else "team.positions"
@@ -37,7 +33,7 @@ def _who_can_capture(scenario: "Scenario") -> list[str]:
     return [*_room(scenario), *_lost_for_good(scenario)]
 
 
-def _room(scenario: "Scenario") -> list[str]:
+def _room(scenario: Scenario) -> list[str]:
     """A capture that takes more robots than find a place around the target."""
     stop_m, needed = scenario.capture.stop_distance_m, max(ROBOTS_MIN, scenario.capture_count)
     most = most_within(stop_m, scenario.team.radius_m, scenario.target.radius_m)
@@ -56,7 +52,7 @@ def _room(scenario: "Scenario") -> list[str]:
     return []
 
 
-def _lost_for_good(scenario: "Scenario") -> list[str]:
+def _lost_for_good(scenario: Scenario) -> list[str]:
     """Crashes that leave too few robots, with none of them back before the run ends."""
     end = scenario.ticks_max
     ticks = sorted(
@@ -75,7 +71,7 @@ def _lost_for_good(scenario: "Scenario") -> list[str]:
     ]
 
 
-def _delays(scenario: "Scenario") -> list[str]:
+def _delays(scenario: Scenario) -> list[str]:
     """Delays that ticks make much longer, and what will come of them; and absurdly long ones."""
     parts = delay_parts(scenario.channel, scenario.ids)
     delayed = [(key, delay) for key, links, delay in parts if links.any() and delay != Delay()]
@@ -99,7 +95,7 @@ def _delays(scenario: "Scenario") -> list[str]:
     return found
 
 
-def _too_long(scenario: "Scenario", asked_s: float) -> str:
+def _too_long(scenario: Scenario, asked_s: float) -> str:
     """Longer than what, and what that means; empty for a delay that a hunt can bear."""
     tick_s, ticks = scenario.tick_s, scenario.ticks_max
     age_ticks = Parameters.from_mapping(scenario.parameters).peer_age_ticks_max

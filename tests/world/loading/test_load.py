@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from encircle.world.scenario.scenario import ScenarioError, load, shipped
+from encircle.world.loading.files import shipped
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
 
 FOUR = {"team": {"robots": 4}}
 FULL = {

@@ -1,22 +1,19 @@
 """What contradicts itself in a scenario although each value is in range; with key and value."""
 
 from math import hypot
-from typing import TYPE_CHECKING
 
 from encircle.protocol.parameters import Parameters, Problems
 from encircle.protocol.plugins import STRATEGIES, PluginBroken, installed
 from encircle.protocol.suggestions import did_you_mean
-from encircle.world.scenario.channel_consistency import problems_of_radio
+from encircle.world.loading.channel_consistency import problems_of_radio
 from encircle.world.scenario.fields import ROBOTS_MAX
+from encircle.world.scenario.model import Scenario
 from encircle.world.targets.behaviours import behaviour_named, check_parameters
-
-if TYPE_CHECKING:
-    from encircle.world.scenario.scenario import Scenario
 
 STARTING_GAP_M = 1e-4
 
 
-def problems_of(scenario: "Scenario") -> list[str]:
+def problems_of(scenario: Scenario) -> list[str]:
     """Every contradiction in a scenario; empty if there are none."""
     return [
         *_team(scenario),
@@ -27,7 +24,7 @@ def problems_of(scenario: "Scenario") -> list[str]:
     ]
 
 
-def _team(scenario: "Scenario") -> list[str]:
+def _team(scenario: Scenario) -> list[str]:
     found = []
     team, placement = scenario.team, scenario.team.placement
     if team.positions is None and team.robots is None:
@@ -59,7 +56,7 @@ def _team(scenario: "Scenario") -> list[str]:
     return found
 
 
-def _times(scenario: "Scenario") -> list[str]:
+def _times(scenario: Scenario) -> list[str]:
     if scenario.radio == "direct" and scenario.clock != "wall":
         return [
             f"radio = 'direct': needs clock = 'wall', not {scenario.clock!r}; robots that hear each"
@@ -68,7 +65,7 @@ def _times(scenario: "Scenario") -> list[str]:
     return []
 
 
-def _names(scenario: "Scenario") -> list[str]:
+def _names(scenario: Scenario) -> list[str]:
     found = []
     strategies = installed(STRATEGIES)
     if scenario.team.strategy not in strategies:
@@ -108,7 +105,7 @@ def _names(scenario: "Scenario") -> list[str]:
     return found
 
 
-def _overlaps(scenario: "Scenario") -> list[str]:
+def _overlaps(scenario: Scenario) -> list[str]:
     """Starts that overlap, or could once they are moved about by ``team.jitter_m``."""
     team = scenario.team
     bodies = [("target.position", scenario.target.position, scenario.target.radius_m, 0.0)]

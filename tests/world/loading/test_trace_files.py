@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from encircle.world.arena import engine
-from encircle.world.scenario.channel_consistency import TRACE_ROWS_MAX
-from encircle.world.scenario.scenario import ScenarioError, load
+from encircle.world.loading.channel_consistency import TRACE_ROWS_MAX
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
 
 SAME = "lost,delay_s\n0,0.1\n1,\n0,0.35\n"
 PER_LINK = """sender, receiver, lost, delay_s

@@ -2,7 +2,7 @@
 
 import pytest
 
-from encircle.protocol.programs.log import LINES_MAX, bounded_log
+from encircle.protocol.process.log import LINES_MAX, bounded_log
 
 
 def lines_logged(capsys, log, count):

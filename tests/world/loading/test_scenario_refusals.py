@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from encircle.protocol.parameters import Parameters
-from encircle.world.scenario.scenario import Scenario, ScenarioError, load
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import Scenario
 
 FOUR = {"team": {"robots": 4}}
 FULL = {

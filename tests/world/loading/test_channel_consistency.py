@@ -2,8 +2,9 @@
 
 import pytest
 
-from encircle.world.scenario.channel_consistency import DELAY_KEYS, LOSS_KEYS
-from encircle.world.scenario.scenario import ScenarioError, load
+from encircle.world.loading.channel_consistency import DELAY_KEYS, LOSS_KEYS
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
 
 FOUR = {"team": {"robots": 4}}
 

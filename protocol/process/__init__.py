@@ -1,0 +1,1 @@
+"""What every process needs: signals, its log, and where tracebacks are kept."""

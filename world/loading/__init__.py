@@ -1,0 +1,1 @@
+"""Scenarios from files: read, overridden, refused where they contradict themselves, remarked on."""
