@@ -142,11 +142,18 @@ class _Launch:
     async def _start(self, name: str, world_arguments: Sequence[str]) -> None:
         own = (
             [
-                *("world", *world_arguments, "--listen", self.endpoint, "--parent", "--json"),
+                *(
+                    "encircle.world",
+                    *world_arguments,
+                    "--listen",
+                    self.endpoint,
+                    "--parent",
+                    "--json",
+                ),
                 *("--answer-timeout", f"{self.patience.answer_s_max}"),
             ]
             if name == "world"
-            else ["agents", name, "--connect", self.endpoint, "--quiet", *self.own]
+            else ["encircle.agents", name, "--connect", self.endpoint, "--quiet", *self.own]
         )
         pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
         self.processes[name] = await asyncio.create_subprocess_exec(

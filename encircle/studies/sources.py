@@ -32,7 +32,7 @@ OURS: Mapping[str, tuple[str, ...]] = {
     "encircle.measures": ("",),
     "encircle.protocol": ("",),
     "encircle.runlog": ("",),
-    "encircle.runner": ("memory",),
+    "encircle.runner": ("__init__", "memory"),
     "encircle.studies": ("one_run",),
     "encircle.world": ("",),
 }

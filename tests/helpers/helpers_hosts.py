@@ -6,12 +6,12 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from helpers_commands import ours
 from helpers_paths import ROOT
 from helpers_waiting import LONGEST_S, completed, ended, until
 
@@ -88,7 +88,7 @@ class Hosts:
         """A command of ours on a host, as ``python -m``, with these environment variables."""
         within = ["nsenter", f"--net=/run/netns/{self._base}-{host}"]
         log = self._logs / f"{len(self.started)}-{host}"
-        party = Party([*within, sys.executable, "-m", *arguments], log, settings or {})
+        party = Party([*within, *ours(*arguments)], log, settings or {})
         self.started.append(party)
         return party
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from helpers_commands import ours
 from helpers_hosts import Party
 from helpers_waiting import ample_s
 
@@ -50,7 +51,7 @@ class Hunt:
         return f"lost: no answer for {answer_s} s"
 
     def start(self, *arguments: str) -> Party:
-        return self.start_as(arguments[0], "-m", f"encircle.{arguments[0]}", *arguments[1:])
+        return self.start_as(arguments[0], *ours(*arguments)[1:])
 
     def start_as(self, name: str, *arguments: str) -> Party:
         log = self.folder / f"{len(self.parties)}-{name}"

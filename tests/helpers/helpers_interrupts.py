@@ -5,7 +5,6 @@ import os
 import secrets
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,11 +13,6 @@ from helpers_waiting import until
 
 SEMAPHORES, PYTHONS = Path("/dev/shm"), ("sem.mp-*", "psm_*")
 """Where semaphores and shared memory have names, and those that Python's workers give them."""
-
-
-def ours(*arguments: str) -> list[str]:
-    """``python -m`` one of our packages."""
-    return [sys.executable, "-m", *arguments]
 
 
 class Group:

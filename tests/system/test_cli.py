@@ -172,7 +172,7 @@ def test_a_robot_imports_only_what_a_robot_uses():
     done = completed([sys.executable, "-c", code])
     loaded = set(done.stdout.split())
     assert "filterpy.kalman.kalman_filter" in loaded
-    unwanted = {"world", "encircle", "matplotlib", "pydantic", "mcap", "typer", "rich"}
+    unwanted = {"encircle.world", "encircle.cli", "matplotlib", "pydantic", "mcap", "typer", "rich"}
     assert not (unwanted | {"scipy.stats", "scipy.ndimage"}) & loaded
 
 

@@ -153,8 +153,8 @@ def test_a_second_robot_of_one_id_and_a_second_world_do_not_start(hunt):
 
 
 OTHER_VERSION = """
-import sys, protocol
-protocol.VERSION = 99
+import sys, encircle.protocol
+encircle.protocol.VERSION = 99
 from encircle.agents.__main__ import main
 sys.exit(main(sys.argv[1:]))
 """

@@ -12,13 +12,13 @@ import os
 import random
 import struct
 import subprocess
-import sys
 from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 
 import msgpack
 import pytest
+from helpers_commands import ours
 from helpers_messages import GOLDEN
 from helpers_paths import ROOT
 from helpers_security import ROBOTS
@@ -89,7 +89,7 @@ class Hunt:
         with self._said.open("wb") as said:
             self._processes = {
                 name: subprocess.Popen(
-                    [sys.executable, "-m", *map(str, command)],
+                    ours(*command),
                     cwd=ROOT,
                     env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
                     stdout=said if name == "world" else subprocess.DEVNULL,

@@ -16,7 +16,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from helpers_interrupts import Group, ours
+from helpers_commands import ours
+from helpers_interrupts import Group
 from helpers_waiting import completed, until
 
 import encircle
@@ -171,7 +172,7 @@ wait
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_script_that_starts_world_and_robots_leaves_none_of_them(number, folder):
     """The shell has those that it starts in the background ignore Ctrl-C; they must not."""
-    python = ours()[0]
+    python = sys.executable
     script = PARTIES.format(python=python, endpoint=free_endpoint())
     group = Group(["sh", "-c", script], folder)
     try:

@@ -12,6 +12,7 @@ from contextlib import ExitStack
 from datetime import timedelta
 
 import pytest
+from helpers_commands import ours
 from helpers_hosts import Party
 from helpers_security import ROBOTS, Lab, free_endpoint
 from helpers_waiting import LONGEST_S, ample_s, completed
@@ -36,7 +37,7 @@ def started(tmp_path):
         def start(*arguments, **settings):
             settings = {f"ENCIRCLE_{name.upper()}": str(value) for name, value in settings.items()}
             log = tmp_path / f"{next(numbers)}"
-            party = Party([sys.executable, "-m", *arguments], log, settings)
+            party = Party(ours(*arguments), log, settings)
             stack.callback(party.kill)
             return party
 
@@ -55,7 +56,7 @@ def only(lab, folder, name):
 def failed(*arguments, status=2, **settings):
     """The last line of a command that does not even start."""
     environment = {f"ENCIRCLE_{name.upper()}": str(value) for name, value in settings.items()}
-    done = completed([sys.executable, "-m", *arguments], env=environment)
+    done = completed(ours(*arguments), env=environment)
     assert done.returncode == status, done.stderr
     return done.stderr.splitlines()[-1]
 

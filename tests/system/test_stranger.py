@@ -93,13 +93,13 @@ def joined(packages, tmp_path) -> Iterator:
             settings = [part for change in changes for part in ("--set", change)]
             world = start(
                 [
-                    *(*ours, "world", "sim1", "--listen", endpoint, "--run", RUN),
+                    *(*ours, "encircle.world", "sim1", "--listen", endpoint, "--run", RUN),
                     *("--out", str(out), "--json", *settings),
                 ],
                 stdout=subprocess.PIPE,
             )
             robots = [
-                start([*ours, "agents", robot, "--connect", endpoint, "--run", RUN])
+                start([*ours, "encircle.agents", robot, "--connect", endpoint, "--run", RUN])
                 for robot in TEAM[:3]
             ]
             wait_for_robots(endpoint, RUN, 3)

@@ -8,7 +8,8 @@ import signal
 from types import SimpleNamespace
 
 import pytest
-from helpers_interrupts import Group, ours
+from helpers_commands import ours
+from helpers_interrupts import Group
 from helpers_terminal import COLUMNS, screen, seen
 from helpers_waiting import until
 from rich.console import Console

@@ -163,7 +163,9 @@ def test_a_run_shows_the_delay_that_came_of_it_beside_the_one_asked_for(tmp_path
 
 def test_the_table_in_the_documentation_is_what_its_command_prints(capsys):
     text = (DOCS / "radio.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(from world\.delay_means.*?)```", text, re.DOTALL)
+    (code,) = re.findall(
+        r"```python\n(from encircle\.world\.channel\.delay_means.*?)```", text, re.DOTALL
+    )
     exec(compile(code, "docs/radio.md", "exec"), {})
     printed = capsys.readouterr().out.splitlines()
     assert len(printed) == 8

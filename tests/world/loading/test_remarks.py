@@ -2,11 +2,11 @@
 
 import json
 import subprocess
-import sys
 import warnings
 from pathlib import Path
 
 import pytest
+from helpers_commands import ours
 
 import encircle
 from encircle.runner.memory import run_in_memory
@@ -149,7 +149,7 @@ def test_the_python_api_of_studies_warns(tmp_path):
 
 def said(folder, *arguments):
     done = subprocess.run(
-        [sys.executable, "-m", *arguments],
+        ours(*arguments),
         capture_output=True,
         text=True,
         cwd=folder,
