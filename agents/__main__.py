@@ -2,19 +2,19 @@
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from encircle.protocol.process.interrupts import end_at_once
+    from encircle.protocol.process.interrupts import exit_on_signal
 
-    end_at_once("robot")
+    exit_on_signal("robot")
 
 import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 
-from encircle.agents.process.deferred_imports import postponed
-from encircle.protocol.process.interrupts import leave
+from encircle.agents.process.deferred_imports import deferred
+from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say_error
-from encircle.protocol.programs.options import Options, access, name_of, seconds
-from encircle.protocol.zenoh.endpoints import AccessError
+from encircle.protocol.programs.options import Options, endpoints_of, name_of, seconds
+from encircle.protocol.zenoh.endpoints import ConfigurationError
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "python -m encircle.agents") -> int:
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
         required=True,
     )
     options.add("--run", "name of the run to join", read=name_of("run"), required=True)
-    options.add_access()
+    options.add_endpoints()
     options.add(
         "--join-timeout",
         "wait this long for router and world, in s",
@@ -50,24 +50,26 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
     )
     options.add_flag("--stay", "join run after run of that name")
     options.add_flag("--quiet", "say only what goes wrong")
-    found = options.parse(arguments)
+    settings = options.parse(arguments)
     # Imported late: a mistyped command need not wait for scipy.
-    with postponed("scipy.stats", "scipy.ndimage"):
-        from encircle.agents.process.robot import JOIN_S_MAX, WORLD_S_MAX, Habits, run_robot
+    with deferred("scipy.stats", "scipy.ndimage"):
+        from encircle.agents.process.robot import JOIN_S_MAX, WORLD_S_MAX, RobotOptions, run_robot
     from encircle.protocol.zenoh.configuration import warning
 
-    join_s_max = found.join_timeout or JOIN_S_MAX
+    join_s_max = settings.join_timeout or JOIN_S_MAX
     try:
-        where = access(found, join_s_max, name=found.id)
-        said = warning(where)
-    except AccessError as error:
+        endpoints = endpoints_of(settings, join_s_max, name=settings.id)
+        notice = warning(endpoints)
+    except ConfigurationError as error:
         options.error(str(error))
-    if said is not None:
-        say_error(f"robot {found.id}: {said}")
-    world_s_max = found.world_timeout or WORLD_S_MAX
-    habits = Habits(join_s_max, world_s_max, found.stay, found.quiet, found.tracebacks)
-    return asyncio.run(run_robot(found.id, found.run, where, habits))
+    if notice is not None:
+        say_error(f"robot {settings.id}: {notice}")
+    world_s_max = settings.world_timeout or WORLD_S_MAX
+    robot_options = RobotOptions(
+        join_s_max, world_s_max, settings.stay, settings.quiet, settings.tracebacks
+    )
+    return asyncio.run(run_robot(settings.id, settings.run, endpoints, robot_options))
 
 
 if __name__ == "__main__":
-    leave(main())
+    exit_process(main())

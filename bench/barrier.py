@@ -13,8 +13,8 @@ import time
 
 import zenoh
 
-from encircle.protocol.zenoh.connection import ZenohLink
-from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.connection import ZenohConnection
+from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.runner.launch import free_endpoint
 
 WARM_UP = 50
@@ -22,7 +22,7 @@ WARM_UP = 50
 
 def robot(place: int, endpoint: str, pose_bytes: int, command_bytes: int) -> None:
     """Answer each observation with a pose and a command, until an empty one."""
-    link = ZenohLink(Access(connect=(endpoint,)), f"bare/robots/{place}/observation")
+    link = ZenohConnection(Endpoints(connect=(endpoint,)), f"bare/robots/{place}/observation")
     link.send(f"bare/robots/{place}/ready", b"ready")
     pose, command = bytes(pose_bytes), bytes(command_bytes)
     while link.receive()[1]:
@@ -35,7 +35,7 @@ async def asyncio_robot(place: int, endpoint: str, pose_bytes: int, command_byte
     """The same with every message handed over to an event loop, for comparison."""
     loop = asyncio.get_running_loop()
     arrived: asyncio.Queue[bytes] = asyncio.Queue()
-    link = ZenohLink(Access(connect=(endpoint,)), f"bare/robots/{place}/nothing")
+    link = ZenohConnection(Endpoints(connect=(endpoint,)), f"bare/robots/{place}/nothing")
 
     def hand_over(sample: zenoh.Sample) -> None:
         loop.call_soon_threadsafe(arrived.put_nowait, sample.payload.to_bytes())
@@ -53,7 +53,7 @@ async def asyncio_robot(place: int, endpoint: str, pose_bytes: int, command_byte
 def world(kind: str, robots: int, rounds: int, sizes: tuple[int, int, int]) -> dict[str, float]:
     """Run the barrier; returns rounds per second and the median round in microseconds."""
     endpoint = free_endpoint()
-    link = ZenohLink(Access(listen=(endpoint,)), "bare/robots/*/*")
+    link = ZenohConnection(Endpoints(listen=(endpoint,)), "bare/robots/*/*")
     started = [
         subprocess.Popen(
             [sys.executable, __file__, kind, str(i), endpoint, str(sizes[1]), str(sizes[2])]

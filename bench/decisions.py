@@ -12,7 +12,7 @@ from scipy.spatial.distance import cdist
 
 from encircle.agents.brain import brain
 from encircle.agents.estimation.spline import extrapolate
-from encircle.agents.planning.assignment import algorithm_1, whole_microns
+from encircle.agents.planning.assignment import algorithm_1, whole_quanta
 from encircle.agents.planning.ring import encirclement_points
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
@@ -55,15 +55,19 @@ def per_call_us(action: Callable[[Any], object], cases: list[Any], repeats: int)
 
 def rings_of(arguments: tuple[Any, ...]) -> tuple[Any, Any]:
     """The team positions (N, 2) and encirclement points (G, N, 2) of a recorded step, in m."""
-    _, observation, _, role = arguments
+    _, observation, _, config = arguments
     after, _ = brain.step(*arguments)
-    mates = brain.team.team_of(
-        after.peers, role.own, observation.position, observation.tick, role.parameters
+    mates = brain.team.planning_team(
+        after.peers, config.own, observation.position, observation.tick, config.parameters
     )
     estimate = after.track.estimate
-    predicted, _ = extrapolate(after.track, role.tick_s, role.parameters, role.parameters.xi_grid)
+    predicted, _ = extrapolate(
+        after.track, config.tick_s, config.parameters, config.parameters.xi_grid
+    )
     target = (estimate.x, estimate.y)
-    points = encirclement_points(mates.positions, target, predicted, role.parameters.ring_radius_m)
+    points = encirclement_points(
+        mates.positions, target, predicted, config.parameters.ring_radius_m
+    )
     return np.array(mates.positions), points
 
 
@@ -78,7 +82,7 @@ def literal(case: tuple[Any, Any]) -> None:
     """Algorithm 1 as printed, for the first robot and every prediction step."""
     team, rings = case
     for points in rings:
-        algorithm_1(whole_microns(cdist(team, points)), 0)
+        algorithm_1(whole_quanta(cdist(team, points)), 0)
 
 
 def measure(robots: int) -> dict[str, Any]:

@@ -55,9 +55,9 @@ def errors(
     tick_s = 0.1
     for number, path in enumerate(paths):
         noise = np.random.default_rng(number).normal(0.0, noise_m_std, path.shape)
-        track = kalman.NO_TRACK
+        track = kalman.EMPTY_TRACK
         for tick, (x, y) in enumerate((path + noise).tolist()):
-            track = kalman.fold(track, [(tick, 0, x, y)], tick, tick_s, parameters)
+            track = kalman.incorporate(track, [(tick, 0, x, y)], tick, tick_s, parameters)
             if SKIPPED_TICKS <= tick < len(path) - len(XI):
                 predicted = predict(track, tick_s, parameters, predictor)
                 missed = predicted - path[tick : tick + len(XI)]

@@ -18,7 +18,7 @@ from scenarios import endless_hunt
 from encircle.progress import Progress
 from encircle.protocol.mailbox import Mailbox
 from encircle.runner.hunts import run
-from encircle.world.coordinator.deadlines import Punctuality, next_slot
+from encircle.world.coordinator.deadlines import DeadlineStatistics, next_deadline
 
 ROBOTS = 4
 RATES_HZ = (50, 100)
@@ -28,15 +28,15 @@ SECONDS = 10.0
 
 def bare_loop(rate_hz: int, seconds: float) -> dict[str, float]:
     """The punctuality of a loop that does nothing but wait for its deadlines."""
-    mail, punctuality, tick_s = Mailbox(), Punctuality(), 1.0 / rate_hz
+    mail, punctuality, tick_s = Mailbox(), DeadlineStatistics(), 1.0 / rate_hz
     start_s, slot = time.monotonic(), 0
     while slot * tick_s < seconds:
-        following = next_slot(slot, time.monotonic() - start_s, tick_s)
-        punctuality.went_on(following - slot)
+        following = next_deadline(slot, time.monotonic() - start_s, tick_s)
+        punctuality.add_advance(following - slot)
         slot = following
         while (left_s := start_s + slot * tick_s - time.monotonic()) > 0.0:
             mail.take(left_s)
-        punctuality.woke(time.monotonic() - start_s - slot * tick_s)
+        punctuality.add_lateness(time.monotonic() - start_s - slot * tick_s)
     return punctuality.as_dict()
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from encircle.measures.registry import measure
 from encircle.progress import Progress, Tell, no_progress
-from encircle.runlog.runlog import Collector
+from encircle.runlog.runlog import RunLogCollector
 from encircle.runner.memory import run_in_memory
 from encircle.studies.plan_files import load_plan
 from encircle.studies.study import Study
@@ -62,8 +62,8 @@ def overhead(tell: Tell = no_progress) -> dict[str, Any]:
             ticks += run_in_memory(arena, "bench", print).ticks
             bare_s += time.perf_counter() - begun
             begun = time.perf_counter()
-            collector = Collector()
-            run_in_memory(arena, "bench", print, watch=collector)
+            collector = RunLogCollector()
+            run_in_memory(arena, "bench", print, observer=collector)
             log = collector.log()
             logged_s += time.perf_counter() - begun
             measure(log)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from encircle.runner.hunts import Hunt, resume, run
-    from encircle.runner.launch import Patience
+    from encircle.runner.launch import Timeouts
     from encircle.studies.study import Study
     from encircle.world.loading.files import shipped
     from encircle.world.loading.load import load
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Hunt",
-    "Patience",
     "Scenario",
     "ScenarioError",
     "ScenarioRemark",
+    "Timeouts",
     "load",
     "resume",
     "run",
     "shipped",
     "study",
 ]
-_FROM = {
+_MODULE_OF = {
     **dict.fromkeys(("Hunt", "resume", "run"), "encircle.runner.hunts"),
-    "Patience": "encircle.runner.launch",
+    "Timeouts": "encircle.runner.launch",
     "Scenario": "encircle.world.scenario.model",
     "ScenarioError": "encircle.world.scenario.errors",
     "ScenarioRemark": "encircle.world.loading.remarks",
@@ -46,9 +46,9 @@ _FROM = {
 
 def __getattr__(name: str) -> Any:
     """Fetch a name when it is used: the command line must be there before numpy is."""
-    if name not in _FROM:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_FROM[name]), name)
+    return getattr(import_module(_MODULE_OF[name]), name)
 
 
 def study(

@@ -40,7 +40,7 @@ class Progress:
         self._name, self._unit = name, unit
         self._console = console or Console(stderr=True)
         self._clock_s = clock_s
-        self._begun_s = self._told_s = clock_s()
+        self._begun_s = self._reported_s = clock_s()
         self._period_s = DRAWN_S if self._console.is_terminal else PERIOD_S
         self._first: int | None = None
         self._all = 0
@@ -79,9 +79,9 @@ class Progress:
         if self._first is None:
             self._first = done
         now_s = self._clock_s()
-        if self._first != done and now_s - self._told_s < self._period_s:
+        if self._first != done and now_s - self._reported_s < self._period_s:
             return
-        self._told_s = now_s
+        self._reported_s = now_s
         far = f"{done} of {of} {self._unit}, {self._times(done, of, now_s - self._begun_s)}"
         if self._console.is_terminal:
             self._bar.update(self._task, completed=done, total=of, far=far, refresh=True)

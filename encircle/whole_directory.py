@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 @contextmanager
-def emptied_if_left(directory: Path) -> Iterator[None]:
+def emptied_on_failure(directory: Path) -> Iterator[None]:
     """Leave a directory that is empty now as it is, if what is made in it is left before its end.
 
     The next start would find it in use.

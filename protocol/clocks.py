@@ -32,19 +32,19 @@ class Exchange(NamedTuple):
     """The four times in us: the first and last by this clock, the other two by the remote one."""
 
     asked_us: int
-    heard_us: int
+    received_us: int
     answered_us: int
-    came_us: int
+    arrival_us: int
 
     @property
     def round_trip_us(self) -> int:
         """How long question and answer were on their way together, as far as the clocks say."""
-        return (self.came_us - self.asked_us) - (self.answered_us - self.heard_us)
+        return (self.arrival_us - self.asked_us) - (self.answered_us - self.received_us)
 
     @property
     def offset_us(self) -> float:
         """How far the remote clock is ahead, if both ways take equally long."""
-        return ((self.heard_us - self.asked_us) + (self.answered_us - self.came_us)) / 2
+        return ((self.received_us - self.asked_us) + (self.answered_us - self.arrival_us)) / 2
 
     @property
     def error_us(self) -> float:
@@ -53,7 +53,7 @@ class Exchange(NamedTuple):
         Half the true round trip; that of these times is wrong by the drift over the remote part of
         it, and the offset itself changes by the drift over the whole.
         """
-        took_us = max(0, self.came_us - self.asked_us)
+        took_us = max(0, self.arrival_us - self.asked_us)
         return max(0, self.round_trip_us) / 2 + 1.5 * DRIFT * took_us + READING_US
 
 
@@ -68,15 +68,15 @@ class Offsets:
     """What some exchanges with one remote clock tell of its offset at any time."""
 
     def __init__(self, exchanges: Sequence[Exchange]) -> None:
-        self.exchanges = sorted(exchanges, key=lambda exchange: exchange.came_us)
-        self._came_us = [exchange.came_us for exchange in self.exchanges]
+        self.exchanges = sorted(exchanges, key=lambda exchange: exchange.arrival_us)
+        self._arrival_us = [exchange.arrival_us for exchange in self.exchanges]
         self._before = _best_so_far(self.exchanges)
         backwards = _best_so_far(self.exchanges[::-1])
         self._after = backwards[::-1]
 
     def at(self, time_us: float) -> Offset | None:
         """The offset at a time by this clock; None without an exchange within ``WINDOW_US``."""
-        after = bisect_right(self._came_us, time_us)
+        after = bisect_right(self._arrival_us, time_us)
         candidates = [
             ranked[place]
             for ranked, place in (
@@ -106,7 +106,7 @@ class Offsets:
     @property
     def last(self) -> Offset | None:
         """The offset at the last exchange, None without any."""
-        return self.at(self.exchanges[-1].came_us) if self.exchanges else None
+        return self.at(self.exchanges[-1].arrival_us) if self.exchanges else None
 
     @property
     def is_steady(self) -> bool:
@@ -114,7 +114,7 @@ class Offsets:
         known = self.exchanges
         return all(
             abs(a.offset_us - b.offset_us)
-            <= a.error_us + b.error_us + DRIFT * max(0, b.came_us - a.came_us)
+            <= a.error_us + b.error_us + DRIFT * max(0, b.arrival_us - a.arrival_us)
             for a, b in pairwise(known)
         )
 
@@ -124,7 +124,7 @@ def _best_so_far(exchanges: Sequence[Exchange]) -> list[Exchange]:
     best: list[Exchange] = []
     for exchange in exchanges:
         known = best[-1] if best else exchange
-        time_us = exchange.came_us
+        time_us = exchange.arrival_us
         gone = _apart_us(known, time_us) > WINDOW_US
         best.append(
             exchange if gone or _error_us(exchange, time_us) <= _error_us(known, time_us) else known
@@ -138,4 +138,4 @@ def _error_us(exchange: Exchange, time_us: float) -> float:
 
 def _apart_us(exchange: Exchange, time_us: float) -> float:
     """How long a time is before or after an exchange, 0 during it."""
-    return max(0.0, exchange.asked_us - time_us, time_us - exchange.came_us)
+    return max(0.0, exchange.asked_us - time_us, time_us - exchange.arrival_us)

@@ -28,7 +28,7 @@ from encircle.protocol.fields import (
     problem_of,
 )
 from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
-from encircle.protocol.packing import Twice, bytes_in_list, check_names, map_size
+from encircle.protocol.packing import DuplicateName, bytes_in_list, check_names, map_size
 
 Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
 
@@ -50,8 +50,8 @@ PACKET_BYTES_MIN = 64
 HEADER_BYTES = 9  # map size, "v", version, "run", and the size of a name below 32 letters
 SHOWN_MAX = 80
 _FLOAT = {float}
-OPENED_MAX = 4096
-_opened: dict[tuple[bytes, str], Pose] = {}
+DECODED_POSES_MAX = 4096
+_decoded_poses: dict[tuple[bytes, str], Pose] = {}
 _NONE = type(None)
 _POSE_TYPES = frozenset(
     (int, str, str, int, int, tuple, tuple, detection, str, xi, point, tuple, sent_us)
@@ -64,12 +64,12 @@ _POSE_TYPES = frozenset(
 
 def encode(message: Message, run: str) -> bytes:
     """The message's canonical bytes, for the given run."""
-    payload = packed(message, run)
+    payload = encode_any_length(message, run)
     assert len(payload) <= BYTES_MAX[type(message)], f"{type(message).__name__} of {len(payload)} B"
     return payload
 
 
-def packed(message: Message, run: str) -> bytes:
+def encode_any_length(message: Message, run: str) -> bytes:
     """As ``encode``, of any length: a message that came in otherwise packed may grow."""
     kind = type(message)
     body = dict(zip(_NAMES[kind], (VERSION, run, *_VALUES[kind](message)), strict=True))
@@ -102,7 +102,7 @@ def decode_pose(payload: bytes, run: str) -> Pose:
 
     A robot opens one packet per peer and tick, so a packet just like ours takes a short way.
     """
-    pose = _opened.get((payload, run))
+    pose = _decoded_poses.get((payload, run))
     if pose is None:
         pose = _plain_pose(payload, run) or decode(Pose, payload, run)
         remember_pose(pose, payload, run)
@@ -111,9 +111,9 @@ def decode_pose(payload: bytes, run: str) -> Pose:
 
 def remember_pose(pose: Pose, payload: bytes, run: str) -> None:
     """Spare this process the decoding of what it has just encoded."""
-    if len(_opened) >= OPENED_MAX:
-        _opened.clear()
-    _opened[payload, run] = pose
+    if len(_decoded_poses) >= DECODED_POSES_MAX:
+        _decoded_poses.clear()
+    _decoded_poses[payload, run] = pose
 
 
 def _plain_pose(payload: bytes, run: str) -> Pose | None:
@@ -178,11 +178,11 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
         values = tuple(body.values())[2:]
         # Unpacked, a field that came twice is there once; the map's header tells.
         if payload[0] != 0x80 + len(names) and map_size(payload) != len(names):
-            raise _doubled(kind)
+            raise _duplicate_names(kind)
     elif len(body) == len(names) and all(name in body for name in names):
         values = tuple([body[name] for name in names[2:]])
         if map_size(payload) != len(names):
-            raise _doubled(kind)
+            raise _duplicate_names(kind)
     else:
         raise _wrong_fields(kind, body)
     place = _MAPS.get(kind)
@@ -214,11 +214,11 @@ def _check_names(kind: type[Any], payload: bytes) -> None:
     """Refuse a name that comes twice in a map inside the message."""
     try:
         check_names(payload)
-    except Twice as error:
+    except DuplicateName as error:
         raise MalformedMessage(f"{kind.__name__}: {_shown(str(error))} comes twice") from None
 
 
-def _doubled(kind: type[Any]) -> MalformedMessage:
+def _duplicate_names(kind: type[Any]) -> MalformedMessage:
     return MalformedMessage(f"{kind.__name__}: a field comes twice")
 
 

@@ -53,5 +53,5 @@ class OutOfTurn(ProtocolError):
     cause = "out-of-turn"
 
 
-class LinkClosed(Exception):
+class ConnectionClosed(Exception):
     """The link was closed while somebody waited on it; not an error of the peer."""

@@ -13,7 +13,7 @@ from encircle.protocol.keys import is_name
 from encircle.protocol.messages import (
     CAUSE_CODE_MAX,
     ENDS,
-    FAILED_FOR,
+    FAILED_PREFIX,
     HEARD_MAX,
     RADIOS,
     RAYS_MAX,
@@ -90,10 +90,10 @@ def _text(value: Any) -> str:
 
 
 def _reason(value: Any) -> str:
-    if value in ENDS or (_text(value).startswith(FAILED_FOR) and len(value) <= REASON_MAX):
+    if value in ENDS or (_text(value).startswith(FAILED_PREFIX) and len(value) <= REASON_MAX):
         return str(value)
     raise ValueError(
-        f"{', '.join(ENDS)}, or {FAILED_FOR!r} and why, {REASON_MAX} characters in all"
+        f"{', '.join(ENDS)}, or {FAILED_PREFIX!r} and why, {REASON_MAX} characters in all"
     )
 
 
@@ -200,13 +200,13 @@ def _report(value: Any) -> tuple[str, int, float, float]:
 
 
 def _parameters(value: Any) -> dict[str, Any]:
-    found = _map(value)
-    for name, part in found.items():
+    mapping = _map(value)
+    for name, part in mapping.items():
         try:
             _parameter(part)
         except ValueError as error:
             raise ValueError(f"{error}, under {name[:NAME_SHOWN_MAX]!r}") from None
-    return found
+    return mapping
 
 
 def _parameter(value: Any) -> None:

@@ -48,14 +48,14 @@ def parse_key(key: str) -> Key:
     """Take a key apart; raises ``UnknownKey`` for one that is not of the protocol."""
     match key.split("/"):
         case ["encircle", run, "robots", robot, channel] if channel in ROBOT_CHANNELS:
-            found = Key(run, robot, channel)
+            parsed = Key(run, robot, channel)
         case ["encircle", run, "world", channel] if channel in WORLD_CHANNELS:
-            found = Key(run, None, channel)
+            parsed = Key(run, None, channel)
         case _:
             raise _unknown(key)
-    if not all(is_name(name) for name in found[:2] if name is not None):
+    if not all(is_name(name) for name in parsed[:2] if name is not None):
         raise _unknown(key)
-    return found
+    return parsed
 
 
 def is_plain(key: str) -> bool:

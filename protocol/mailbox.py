@@ -7,7 +7,7 @@ puts a stamp on it and hands it over. The queue is bounded; what finds no room i
 import queue
 import time
 
-from encircle.protocol.errors import LinkClosed
+from encircle.protocol.errors import ConnectionClosed
 
 MAIL_MAX = 16_384
 TAKEN_MAX = 1024
@@ -40,21 +40,23 @@ class Mailbox:
         self._mail.put(None)
 
     def take(self, wait_s: float) -> list[tuple[int, str, bytes]]:
-        """What is there, waiting for the first; empty after ``wait_s``. May raise ``LinkClosed``.
+        """What is there, waiting for the first; empty after ``wait_s``.
+
+        May raise ``ConnectionClosed``.
 
         At most ``TAKEN_MAX`` at once, and an ``end`` is the last of them.
         """
-        found: list[tuple[int, str, bytes]] = []
+        messages: list[tuple[int, str, bytes]] = []
         try:
             item = self._mail.get(timeout=max(0.0, wait_s))
             while item is not None:
-                found.append(item)
-                if len(found) == TAKEN_MAX or item[1].endswith("/end"):
-                    return found
+                messages.append(item)
+                if len(messages) == TAKEN_MAX or item[1].endswith("/end"):
+                    return messages
                 item = self._mail.get_nowait()
         except queue.Empty:
-            return found
-        if not found:
-            raise LinkClosed("this link is closed")
+            return messages
+        if not messages:
+            raise ConnectionClosed("this link is closed")
         self._mail.put(None)
-        return found
+        return messages

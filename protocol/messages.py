@@ -19,7 +19,7 @@ HEARD_MAX = 256
 RAYS_MIN, RAYS_MAX = 8, 360
 REASON_MAX = 200
 ENDS = ("captured", "ticks")
-FAILED_FOR = "failed: "
+FAILED_PREFIX = "failed: "
 """What the reason of a run that failed begins with."""
 CAUSE_CODE_MAX = 10
 """Codes of causes of loss go from 1 to this."""

@@ -11,7 +11,7 @@ import msgpack
 _BINARY = b"\xc4\xc5\xc6"
 
 
-class Twice(Exception):
+class DuplicateName(Exception):
     """A name that comes twice in a map; the message is the name."""
 
 
@@ -24,7 +24,7 @@ def map_size(payload: bytes) -> int:
 
 
 def check_names(payload: bytes) -> None:
-    """``Twice`` for a name that a map has twice, at any depth. The payload must be sound."""
+    """``DuplicateName`` for a name that a map has twice, at any depth, in a valid payload."""
     msgpack.unpackb(payload, use_list=False, object_pairs_hook=_unique)
 
 
@@ -59,5 +59,5 @@ def _unique(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
         names = [name for name, _ in pairs]
-        raise Twice(next(str(name) for name in names if names.count(name) > 1))
+        raise DuplicateName(next(str(name) for name in names if names.count(name) > 1))
     return found

@@ -140,30 +140,30 @@ class Parameters:
 
     def problems(self) -> list[str]:
         """What is wrong with the values; empty if nothing is."""
-        found = []
+        lines = []
         for name, low, high in _RANGES:
             value = getattr(self, name)
             if not low <= value <= high:
-                found.append(f"{name} = {shown(value)}: must be from {low:g} to {high:g}")
+                lines.append(f"{name} = {shown(value)}: must be from {low:g} to {high:g}")
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 value = getattr(self, name)
-                found.append(f"{name} = {shown(value)}: {_one_of(name, value)}")
+                lines.append(f"{name} = {shown(value)}: {_one_of(name, value)}")
         grid = self.xi_grid
         if (
             not 1 <= len(grid) <= 64
             or list(grid) != sorted(set(grid))
             or not 0 <= grid[0] <= grid[-1] <= XI_MAX
         ):
-            found.append(
+            lines.append(
                 f"xi_grid = {list(grid)}: must be 1 to 64 ascending steps from 0 to {XI_MAX:g}"
             )
         if (self.spline_samples - 1) * self.spline_spacing_ticks >= self.window_ticks:
-            found.append(
+            lines.append(
                 f"spline_samples = {self.spline_samples} every {self.spline_spacing_ticks} ticks:"
                 f" must fit into window_ticks = {self.window_ticks}"
             )
-        return found
+        return lines
 
 
 shown = reprlib.repr  # neither deep nor far, whatever a stranger sends

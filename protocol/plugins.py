@@ -25,11 +25,11 @@ OWN = "encircle"
 TEXT_MAX = 300
 
 
-class PluginBroken(Exception):
+class PluginLoadError(Exception):
     """A plug-in that is installed but cannot be loaded; the message says which and why."""
 
 
-class BadAnswer(ValueError):
+class InvalidPluginResult(ValueError):
     """What a plug-in has answered cannot be; the message says what, and what must be."""
 
 
@@ -42,9 +42,11 @@ class PluginFailed(Exception):
     def __init__(self, group: str, name: str, who: str, tick: int, error: BaseException) -> None:
         plugin = installed(group).get(name)
         source = f" ({plugin.source})" if plugin is not None else ""
-        place = "" if who == TARGET else f" in robot {who}"
-        said = f"answered {error}" if isinstance(error, BadAnswer) else error_line(error)
-        super().__init__(f"{KINDS[group]} {name!r}{source} failed{place} at tick {tick}: {said}")
+        where = "" if who == TARGET else f" in robot {who}"
+        reason = (
+            f"answered {error}" if isinstance(error, InvalidPluginResult) else error_line(error)
+        )
+        super().__init__(f"{KINDS[group]} {name!r}{source} failed{where} at tick {tick}: {reason}")
         self.who = who
         self.error = error
 
@@ -74,14 +76,14 @@ class Plugin:
         return self.entry.dist is not None and self.entry.dist.name == OWN
 
     def load(self) -> Any:
-        """What the entry point names; ``PluginBroken`` if that cannot be had or called."""
+        """What the entry point names; ``PluginLoadError`` if that cannot be had or called."""
         try:
-            found = self.entry.load()
+            loaded = self.entry.load()
         except (Exception, SystemExit) as error:
-            raise PluginBroken(f"{self.source} cannot be loaded: {error_line(error)}") from error
-        if not callable(found):
-            raise PluginBroken(f"{self.source} is {type(found).__name__}, must be a function")
-        return found
+            raise PluginLoadError(f"{self.source} cannot be loaded: {error_line(error)}") from error
+        if not callable(loaded):
+            raise PluginLoadError(f"{self.source} is {type(loaded).__name__}, must be a function")
+        return loaded
 
 
 def installed(group: str) -> dict[str, Plugin]:
@@ -101,7 +103,7 @@ def error_line(error: BaseException) -> str:
 
 
 def pair_of_m(name: str, value: Any) -> Point:
-    """A pair of numbers that a message can hold, as plain ones; ``BadAnswer`` if it is none."""
+    """A pair of numbers that a message can hold, as floats; else ``InvalidPluginResult``."""
     try:
         x, y = value
         if not (type(x) is type(y) is float):
@@ -113,7 +115,7 @@ def pair_of_m(name: str, value: Any) -> Point:
     # NaN is not between anything.
     if -NUMBER_MAX < x < NUMBER_MAX > y > -NUMBER_MAX:
         return x, y
-    raise BadAnswer(
+    raise InvalidPluginResult(
         f"{name} = {shown(value)}: must be two numbers between -{NUMBER_MAX:g} and {NUMBER_MAX:g},"
         " in m"
     )

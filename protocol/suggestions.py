@@ -11,11 +11,11 @@ def did_you_mean(name: object, known: Iterable[str], likeness_min: float = LIKEN
     # Only who has made a mistake waits for it.
     from difflib import get_close_matches
 
-    found = get_close_matches(str(name), list(known), 1, likeness_min)
-    return suggestion(found)
+    matches = get_close_matches(str(name), list(known), 1, likeness_min)
+    return suggestion(matches)
 
 
 def suggestion(names: Iterable[str]) -> str:
     """Names, a few at most, as what was perhaps meant; empty if there are none."""
-    found = list(dict.fromkeys(names))[:NAMED_MAX]
-    return f" (did you mean {' or '.join(map(repr, found))}?)" if found else ""
+    matches = list(dict.fromkeys(names))[:NAMED_MAX]
+    return f" (did you mean {' or '.join(map(repr, matches))}?)" if matches else ""

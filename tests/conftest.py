@@ -3,12 +3,12 @@
 import os
 
 import pytest
-from helpers_waiting import PATIENCE
+from helpers_waiting import TIMEOUTS
 from hypothesis import HealthCheck, settings
 
 # For the parties and commands that tests start as processes; their options go before it.
-os.environ["ENCIRCLE_JOIN_TIMEOUT"] = f"{PATIENCE.join_s_max}"
-os.environ["ENCIRCLE_ANSWER_TIMEOUT"] = f"{PATIENCE.answer_s_max}"
+os.environ["ENCIRCLE_JOIN_TIMEOUT"] = f"{TIMEOUTS.join_s_max}"
+os.environ["ENCIRCLE_ANSWER_TIMEOUT"] = f"{TIMEOUTS.answer_s_max}"
 
 settings.register_profile(
     "any-machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
@@ -17,6 +17,6 @@ settings.load_profile("any-machine")
 
 
 @pytest.fixture(autouse=True)
-def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+def timeouts(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same for hunts and studies that a test runs itself."""
-    monkeypatch.setattr("encircle.runner.launch.PATIENCE", PATIENCE)
+    monkeypatch.setattr("encircle.runner.launch.TIMEOUTS", TIMEOUTS)

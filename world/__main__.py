@@ -6,9 +6,9 @@ there.
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from encircle.protocol.process.interrupts import end_at_once
+    from encircle.protocol.process.interrupts import exit_on_signal
 
-    end_at_once("world")
+    exit_on_signal("world")
 
 import argparse
 import asyncio
@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from encircle.protocol.process.interrupts import leave
+from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say_error
-from encircle.protocol.programs.options import Options, access, name_of, seconds, whole_number
+from encircle.protocol.programs.options import Options, endpoints_of, name_of, seconds, whole_number
 from encircle.protocol.zenoh.access_control import WORLD
-from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, AccessError
+from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, ConfigurationError
 
 TAKEN_BYTES_MAX = 64 * 1024
 """Poses and commands are shorter; what is longer than this does not even come in."""
@@ -29,72 +29,80 @@ TAKEN_BYTES_MAX = 64 * 1024
 def main(arguments: Sequence[str] | None = None, program: str = "python -m encircle.world") -> int:
     """Parse the command line and run the world; returns the exit status."""
     options = _options(program)
-    found = options.parse(arguments)
-    _check(options, found)
+    settings = options.parse(arguments)
+    _check(options, settings)
     # Imported late: a mistyped command need not wait for scipy.
     from encircle.protocol.process.log import bounded_log
     from encircle.protocol.zenoh.configuration import warning
-    from encircle.protocol.zenoh.refusals import refusals_told
+    from encircle.protocol.zenoh.refusals import report_refusals
     from encircle.world.arena.engine import build
     from encircle.world.loading.load import load
     from encircle.world.loading.remarks import remarks_on
-    from encircle.world.process.reports import PersonReporter, report_as_json
+    from encircle.world.process.reports import ConsoleReporter, report_as_json
     from encircle.world.process.running import run_world
-    from encircle.world.process.server import ANSWER_S_MAX, JOIN_S_MAX, Terms
+    from encircle.world.process.server import ANSWER_S_MAX, JOIN_S_MAX, WorldOptions
     from encircle.world.recording.resuming import read_last, rebuild
     from encircle.world.recording.run_directory import RunDirectoryError, new_directory
     from encircle.world.scenario.errors import ScenarioError
 
     try:
-        where = access(found, CONNECT_S_MAX, name=WORLD)
-        said = warning(where)
-        overrides = found.set + ([f"seed={found.seed}"] if found.seed is not None else [])
+        where = endpoints_of(settings, CONNECT_S_MAX, name=WORLD)
+        notice = warning(where)
+        overrides = settings.set + ([f"seed={settings.seed}"] if settings.seed is not None else [])
         log, resumed = bounded_log(), None
-        if found.resume is None:
-            scenario = load(found.scenario, overrides)
+        if settings.resume is None:
+            scenario = load(settings.scenario, overrides)
         else:
-            recording = read_last(found.resume)
-            if found.run not in (None, recording.run):
-                options.error(f"--run {found.run}: the run in {found.resume} is {recording.run}")
+            recording = read_last(settings.resume)
+            if settings.run not in (None, recording.run):
+                options.error(
+                    f"--run {settings.run}: the run in {settings.resume} is {recording.run}"
+                )
             resumed = rebuild(recording, log)
-            scenario, found.run, found.out = recording.scenario, recording.run, found.resume
+            scenario, settings.run, settings.out = (
+                recording.scenario,
+                recording.run,
+                settings.resume,
+            )
         where = replace(
             where, direct_radio=scenario.radio == "direct", message_bytes_max=TAKEN_BYTES_MAX
         )
         arena = build(scenario, scenario.seed)
-        if resumed is None and found.runs is not None:
-            found.out = new_directory(found.runs, found.scenario, scenario.seed)
-        terms = Terms(
-            found.join_timeout or JOIN_S_MAX,
-            found.answer_timeout or ANSWER_S_MAX,
-            found.when_lost,
-            found.parent,
+        if resumed is None and settings.runs is not None:
+            settings.out = new_directory(settings.runs, settings.scenario, scenario.seed)
+        world_options = WorldOptions(
+            settings.join_timeout or JOIN_S_MAX,
+            settings.answer_timeout or ANSWER_S_MAX,
+            settings.when_lost,
+            settings.parent,
         )
         # A program that starts this world has told its user already.
-        remarks = [] if found.parent else remarks_on(scenario)
-        for line in [*([said] if said is not None else []), *remarks]:
+        remarks = [] if settings.parent else remarks_on(scenario)
+        for line in [*([notice] if notice is not None else []), *remarks]:
             say_error(f"world: {line}")
-        with refusals_told("world", found.count_refusals):
-            report = report_as_json if found.json else PersonReporter()
-            life = run_world(arena, found.run, where, found.out, log, terms, report, resumed)
+        with report_refusals("world", settings.count_refusals):
+            report = report_as_json if settings.json else ConsoleReporter()
+            life = run_world(
+                arena, settings.run, where, settings.out, log, world_options, report, resumed
+            )
             return asyncio.run(life)
-    except AccessError as error:
+    except ConfigurationError as error:
         options.error(str(error))
     except (ScenarioError, RunDirectoryError) as error:
         say_error(*str(error).split("\n"))
         return 2
 
 
-def _check(options: Options, found: argparse.Namespace) -> None:
+def _check(options: Options, settings: argparse.Namespace) -> None:
     """See to it that one run is asked for."""
-    if found.resume is not None:
+    if settings.resume is not None:
         return
     for name in ("scenario", "run"):
-        if getattr(found, name) is None:
+        if getattr(settings, name) is None:
             option = name if name == "scenario" else f"--{name}"
             options.error(f"{option} is missing: give it, or set ENCIRCLE_{name.upper()}")
-    if found.out is not None and found.runs is not None:
-        options.error(f"--out {found.out} and --runs {found.runs}: give one of them")
+    if settings.out is not None and settings.runs is not None:
+        options.error(f"--out {settings.out} and --runs {settings.runs}: give one of them")
 
 
 def _when_lost(value: str) -> str:
@@ -116,7 +124,7 @@ def _options(program: str) -> Options:
         read=Path,
         metavar="DIR",
     )
-    options.add_access()
+    options.add_endpoints()
     options.add("--seed", "a seed instead of the scenario's own", read=whole_number, metavar="N")
     options.add_list(
         "--set",
@@ -157,4 +165,4 @@ def _options(program: str) -> Options:
 
 
 if __name__ == "__main__":
-    leave(main())
+    exit_process(main())

@@ -15,7 +15,7 @@ PENDING_MAX = 4096
 """Packets and admissions remembered per sender: ten seconds and more of the fastest sender."""
 
 
-class Hearing:
+class DirectInbox:
     """What has arrived and what was admitted, by sender; ``peers`` in robot order."""
 
     def __init__(self, peers: Sequence[str]) -> None:
@@ -23,7 +23,7 @@ class Hearing:
         self._admitted: dict[str, dict[int, None]] = {peer: {} for peer in peers}
         self._all_admitted = False
 
-    def arrive(self, sender: str, sequence: int, tick: int, packet: bytes) -> None:
+    def add_packet(self, sender: str, sequence: int, tick: int, packet: bytes) -> None:
         """A packet that ``sender`` made at ``tick`` has arrived."""
         arrived = self._arrived[sender]
         arrived[sequence] = (tick, packet)
@@ -45,13 +45,13 @@ class Hearing:
     def take(self, tick: int) -> tuple[bytes, ...]:
         """The packets heard at a tick, as their senders encoded them; each is taken once."""
         heard: list[tuple[int, int, int, bytes]] = []
-        for place, (sender, arrived) in enumerate(self._arrived.items()):
+        for index, (sender, arrived) in enumerate(self._arrived.items()):
             admitted = self._admitted[sender]
             through = arrived if self._all_admitted else arrived.keys() & admitted.keys()
             for sequence in list(through):
                 sent_tick, packet = arrived[sequence]
                 if sent_tick < tick:
-                    heard.append((sent_tick, place, sequence, packet))
+                    heard.append((sent_tick, index, sequence, packet))
                     del arrived[sequence]
                     admitted.pop(sequence, None)
         # Until the next observation says so again.

@@ -6,44 +6,46 @@ Where the world says that bodies are is believed.
 
 from collections.abc import Iterable
 
-from encircle.agents.brain.brain import Role, places_in
+from encircle.agents.brain.brain import RobotConfig, indices_of
 from encircle.protocol.messages import QUANTUM_M, Observation, Setup
 
 
-def problem_of(observation: Observation, setup: Setup, role: Role) -> str | None:
+def problem_of(observation: Observation, setup: Setup, config: RobotConfig) -> str | None:
     """What is wrong with an observation for a robot that has had a setup; None if nothing."""
-    problem = _misnamed("seen", [name for name, _, _ in observation.seen], role)
-    problem = problem or _misnamed("lost", observation.lost, role)
+    problem = _misnamed("seen", [name for name, _, _ in observation.seen], config)
+    problem = problem or _misnamed("lost", observation.lost, config)
     if problem is not None:
         return problem
-    farthest_m, range_m = max(observation.scan, default=0.0), role.parameters.sensing_range_m
+    farthest_m, range_m = max(observation.scan, default=0.0), config.parameters.sensing_range_m
     # Of the range itself the nearest whole micron may be told.
     if farthest_m > range_m + QUANTUM_M:
         return f"scan of {farthest_m:g} m, must be at most {range_m:g} m"
     if observation.sent_us is not None:
-        return _problem_by_clock(observation, setup, role)
+        return _problem_by_clock(observation, setup, config)
     if observation.admitted is not None or observation.answered is not None:
         return "admitted and answered must be null where sent_us is"
     return None
 
 
-def _problem_by_clock(observation: Observation, setup: Setup, role: Role) -> str | None:
+def _problem_by_clock(observation: Observation, setup: Setup, config: RobotConfig) -> str | None:
     answered, admitted = observation.answered, observation.admitted
     if answered is not None and not setup.first_tick <= answered < observation.tick:
         return f"answered {answered}, must be from {setup.first_tick} to {observation.tick - 1}"
     if admitted is not None and setup.radio != "direct":
         return f"admitted must be null where the radio is {setup.radio!r}"
-    return _misnamed("admitted", [sender for sender, _ in admitted or ()], role, ordered=False)
+    return _misnamed("admitted", [sender for sender, _ in admitted or ()], config, ordered=False)
 
 
-def _misnamed(what: str, names: Iterable[str], role: Role, ordered: bool = True) -> str | None:
+def _misnamed(
+    what: str, names: Iterable[str], config: RobotConfig, ordered: bool = True
+) -> str | None:
     """Whether these are peers of the team, and if ``ordered`` each once and in robot order."""
-    places, before = places_in(role.team), -1
+    indices, before = indices_of(config.team), -1
     for name in names:
-        place = places.get(name)
-        if place is None or name == role.robot:
+        index = indices.get(name)
+        if index is None or name == config.robot:
             return f"{what} {name!r}, must be a peer of this team"
-        if ordered and place <= before:
+        if ordered and index <= before:
             return f"{what} {name!r}: must be each once, in robot order"
-        before = place
+        before = index
     return None

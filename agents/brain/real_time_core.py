@@ -15,7 +15,7 @@ from dataclasses import replace
 from itertools import islice
 
 from encircle.agents.brain.brain import Action
-from encircle.agents.brain.direct_inbox import Hearing
+from encircle.agents.brain.direct_inbox import DirectInbox
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, decode_pose, encode
 from encircle.protocol.errors import (
@@ -30,15 +30,15 @@ from encircle.protocol.messages import HEARD_MAX, Command, Observation
 from encircle.protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
 
 BACKLOG_MAX = 1024
-TOLD_MAX = 16_384
+UNACKNOWLEDGED_MAX = 16_384
 """What is heard and not known to be known; as long as there is no more room, nothing is heard."""
-TOLD_BYTES_MAX, TOLD_BYTES = 12 * 1024, 20
+RECEIPTS_BYTES_MAX, RECEIPT_BYTES = 12 * 1024, 20
 """What a command has room for, and what a thing heard takes at most besides its sender's name."""
 
 Outgoing = list[tuple[str, bytes]]
 
 
-class RealTimeCore:
+class RealTimeRobotCore:
     """The protocol in real time around one robot's core, which must have its setup."""
 
     def __init__(self, core: RobotCore) -> None:
@@ -52,40 +52,43 @@ class RealTimeCore:
         self._setup = setup
         for name in (PASSED_OVER, MISSED):
             self.core.refused.pop(name, None)
-        self._hearing = Hearing([robot for robot in setup.team if robot != self.core.robot])
+        self._direct_inbox = DirectInbox(
+            [robot for robot in setup.team if robot != self.core.robot]
+        )
         self._backlog: deque[tuple[int, str, bytes]] = deque()
         self._waiting: list[tuple[int, Observation]] = []
         self._next_tick = setup.first_tick
         self._sequence = setup.first_tick
-        # What is not known to be known, from number ``_known`` on; what each command told ends at.
-        self._untold: deque[tuple[str, int, int]] = deque()
-        self._known = 0
-        self._ends: dict[int, int] = {}
+        # The receipts that the world may not have, from number ``_acknowledged`` on; by tick,
+        # where those that a command carried end.
+        self._unacknowledged: deque[tuple[str, int, int]] = deque()
+        self._acknowledged = 0
+        self._receipt_ends: dict[int, int] = {}
         longest = max(len(name.encode()) for name in (*setup.team, ANSWERED, PASSED_OVER))
-        self._tells_max = min(HEARD_MAX, TOLD_BYTES_MAX // (TOLD_BYTES + longest))
-        self._came_us = 0
-        self._last: Command | None = None
+        self._receipts_max = min(HEARD_MAX, RECEIPTS_BYTES_MAX // (RECEIPT_BYTES + longest))
+        self._arrival_us = 0
+        self._last_command: Command | None = None
 
     @property
-    def quiet_s(self) -> float:
+    def observation_timeout_s(self) -> float:
         """After how long without an observation the robot is to stop."""
-        role = self.core.role
-        assert role is not None, "real time begins with a setup"
-        return role.tick_s * role.parameters.silence_ticks_max
+        config = self.core.config
+        assert config is not None, "real time begins with a setup"
+        return config.tick_s * config.parameters.silence_ticks_max
 
-    def take(self, came_us: int, key: str, payload: bytes) -> None:
+    def take(self, arrival_us: int, key: str, payload: bytes) -> None:
         """Take in a message that came at a time by this robot's clock; never raises for it."""
         try:
-            self._take(came_us, key, payload)
+            self._take(arrival_us, key, payload)
         except ProtocolError as error:
             self.core.refuse(key, error)
 
-    def _take(self, came_us: int, key: str, payload: bytes) -> None:
+    def _take(self, arrival_us: int, key: str, payload: bytes) -> None:
         run, robot, channel = parse_key(key)
         if run != self.core.run:
             raise WrongRun(f"key of run {run!r}, this is {self.core.run!r}")
         if channel == "pose" and robot != self.core.robot:
-            self._backlog.append((came_us, key, payload))
+            self._backlog.append((arrival_us, key, payload))
             if len(self._backlog) > BACKLOG_MAX:
                 self._backlog.popleft()
                 self._count(OVERHEARD, 1)
@@ -96,14 +99,14 @@ class RealTimeCore:
                 raise OutOfTurn(
                     f"observation of tick {observation.tick}, next is {self._next_tick}"
                 )
-            self.core.taken += 1
+            self.core.accepted += 1
             self._count(MISSED, observation.tick - self._next_tick)
             self._next_tick = observation.tick + 1
-            self._is_known(observation.answered)
-            if len(self._untold) + len(self._waiting) >= TOLD_MAX:
+            self._acknowledge(observation.answered)
+            if len(self._unacknowledged) + len(self._waiting) >= UNACKNOWLEDGED_MAX:
                 self._count(MISSED, 1)
                 return
-            self._waiting.append((came_us, observation))
+            self._waiting.append((arrival_us, observation))
         else:
             self.core.receive(key, payload)
             if self.core.setup is not self._setup:
@@ -119,34 +122,34 @@ class RealTimeCore:
         if not self._waiting:
             return None
         waiting, self._waiting = self._waiting, []
-        self._came_us, newest = waiting[-1]
-        self._hear()
+        self._arrival_us, newest = waiting[-1]
+        self._take_backlog()
         for _, observation in waiting:
-            self._hearing.admit(observation.admitted)
+            self._direct_inbox.admit(observation.admitted)
         self._count(PASSED_OVER, len(waiting) - 1)
-        for came_us, observation in waiting[:-1]:
-            self._untold.append((PASSED_OVER, observation.tick, came_us))
+        for arrival_us, observation in waiting[:-1]:
+            self._unacknowledged.append((PASSED_OVER, observation.tick, arrival_us))
         inbox = [packet for _, observation in waiting for packet in observation.inbox]
         if self._setup.radio == "direct":
-            inbox += self._hearing.take(newest.tick)
+            inbox += self._direct_inbox.take(newest.tick)
         try:
             action = self.core.answer(replace(newest, inbox=tuple(inbox)))
         except ProtocolError as error:
             self.core.refuse("observation", error)
             self._count(PASSED_OVER, 1)
-            self._untold.append((PASSED_OVER, newest.tick, self._came_us))
+            self._unacknowledged.append((PASSED_OVER, newest.tick, self._arrival_us))
             return None
-        self._untold.append((ANSWERED, newest.tick, self._came_us))
+        self._unacknowledged.append((ANSWERED, newest.tick, self._arrival_us))
         return action
 
-    def said(self, action: Action, now_us: int) -> Outgoing:
+    def messages(self, action: Action, now_us: int) -> Outgoing:
         """The messages that an action makes, sent at ``now_us`` by this robot's clock."""
-        told = tuple(islice(self._untold, self._tells_max))
-        self._ends[action.command.tick] = self._known + len(told)
-        if len(self._ends) > TOLD_MAX:
-            del self._ends[next(iter(self._ends))]
-        self._last = replace(action.command, timing=(self._came_us, now_us, told))
-        messages = [self._message("command", self._last)]
+        receipts = tuple(islice(self._unacknowledged, self._receipts_max))
+        self._receipt_ends[action.command.tick] = self._acknowledged + len(receipts)
+        if len(self._receipt_ends) > UNACKNOWLEDGED_MAX:
+            del self._receipt_ends[next(iter(self._receipt_ends))]
+        self._last_command = replace(action.command, timing=(self._arrival_us, now_us, receipts))
+        messages = [self._message("command", self._last_command)]
         if action.pose is not None:
             # Numbered one by one, so that a gap is a packet that was lost and nothing else.
             pose = replace(action.pose, sequence=self._sequence, sent_us=now_us)
@@ -155,30 +158,30 @@ class RealTimeCore:
         return messages
 
     def stop(self, now_us: int) -> Outgoing:
-        """No observation has come for ``quiet_s``: stand still and say so; once, then silence."""
-        if self._last is None or self._last.mode == STOPPED:
+        """No observation for ``observation_timeout_s``: stand still and say so once."""
+        if self._last_command is None or self._last_command.mode == STOPPED:
             return []
-        assert self._last.timing is not None, "commands by the clock have it"
+        assert self._last_command.timing is not None, "commands by the clock have it"
         # Whether this or the one before has come cannot be told apart: both tell the same.
-        timing = (self._came_us, now_us, self._last.timing[2])
-        self._last = replace(
-            self._last, step=(0.0, 0.0), mode=STOPPED, published=False, timing=timing
+        timing = (self._arrival_us, now_us, self._last_command.timing[2])
+        self._last_command = replace(
+            self._last_command, step=(0.0, 0.0), mode=STOPPED, published=False, timing=timing
         )
-        return [self._message("command", self._last)]
+        return [self._message("command", self._last_command)]
 
-    def _is_known(self, tick: int | None) -> None:
+    def _acknowledge(self, tick: int | None) -> None:
         """The world has the command of that tick, so it knows what that told and all before."""
-        end = self._ends.get(-1 if tick is None else tick, 0)
-        while self._known < end:
-            self._untold.popleft()
-            self._known += 1
+        end = self._receipt_ends.get(-1 if tick is None else tick, 0)
+        while self._acknowledged < end:
+            self._unacknowledged.popleft()
+            self._acknowledged += 1
         if end:
-            self._ends = {later: to for later, to in self._ends.items() if to > end}
+            self._receipt_ends = {later: to for later, to in self._receipt_ends.items() if to > end}
 
-    def _hear(self) -> None:
+    def _take_backlog(self) -> None:
         """Take in what peers have sent, as far as there is room to tell of it."""
-        while self._backlog and len(self._untold) < TOLD_MAX:
-            came_us, key, packet = self._backlog.popleft()
+        while self._backlog and len(self._unacknowledged) < UNACKNOWLEDGED_MAX:
+            arrival_us, key, packet = self._backlog.popleft()
             try:
                 pose = decode_pose(packet, self.core.run)
                 if pose.robot != parse_key(key).robot:
@@ -188,10 +191,10 @@ class RealTimeCore:
             except ProtocolError as error:
                 self.core.refuse(key, error)
                 continue
-            self._hearing.arrive(pose.robot, pose.sequence, pose.tick, packet)
-            self._untold.append((pose.robot, pose.sequence, came_us))
+            self._direct_inbox.add_packet(pose.robot, pose.sequence, pose.tick, packet)
+            self._unacknowledged.append((pose.robot, pose.sequence, arrival_us))
 
-    def no_room(self, packets: int) -> None:
+    def count_dropped(self, packets: int) -> None:
         """So many messages have come for which there was no room."""
         self._count(OVERHEARD, packets)
 

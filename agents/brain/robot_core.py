@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from encircle.agents.brain import brain
 from encircle.agents.brain.observation_check import problem_of
-from encircle.agents.policies.strategies import Choice, Strategy, View, strategy_named
+from encircle.agents.policies.policies import Decision, Policy, View, policy_named
 from encircle.protocol.codec import decode, decode_pose, encode
 from encircle.protocol.errors import (
     MalformedMessage,
@@ -23,7 +23,7 @@ from encircle.protocol.errors import (
 from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import FAILED, Command, End, Observation, Pose, Setup
 from encircle.protocol.parameters import BODIES, Parameters
-from encircle.protocol.plugins import STRATEGIES, PluginBroken, PluginFailed
+from encircle.protocol.plugins import STRATEGIES, PluginFailed, PluginLoadError
 
 
 class RobotCore:
@@ -33,7 +33,7 @@ class RobotCore:
     there.
 
     ``failed``: how the robot's own code has failed, if it has. From then on the robot says so, in
-    place of commands, whatever it is asked; ``decide`` raises it, and ``tell_failure`` gets it.
+    place of commands, whatever it is asked; ``decide`` raises it, and ``report_failure`` gets it.
 
     ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation
     that is already decoded, for hunts inside one process. A setup starts a fresh brain at any time:
@@ -46,17 +46,17 @@ class RobotCore:
         robot: str,
         run: str,
         log: Callable[[str], None] = lambda _line: None,
-        tell_failure: Callable[[PluginFailed], None] = lambda _failed: None,
+        report_failure: Callable[[PluginFailed], None] = lambda _failure_command: None,
     ) -> None:
         self.robot = robot
         self.run = run
         self.ended: str | None = None
         self.failed: PluginFailed | None = None
-        self._told: PluginFailed | None = None
+        self._reported_failure: PluginFailed | None = None
         self.refused: Counter[str] = Counter()
-        self.taken = 0
+        self.accepted = 0
         self.setup: Setup | None = None
-        self.role: brain.Role | None = None
+        self.config: brain.RobotConfig | None = None
         self.state: brain.BrainState | None = None
         self.tick = -1
         self.mode = ""
@@ -66,7 +66,7 @@ class RobotCore:
         self._answered: bytes | None = None
         self._answer: list[tuple[str, bytes]] = []
         self._log = log
-        self._tell_failure = tell_failure
+        self._tell_failure = report_failure
         self._pose_key = robot_key(run, robot, "pose")
         self._command_key = robot_key(run, robot, "command")
 
@@ -77,7 +77,7 @@ class RobotCore:
         except ProtocolError as error:
             self.refuse(key, error)
             return []
-        self.taken += 1
+        self.accepted += 1
         return answer
 
     def _receive(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
@@ -115,37 +115,37 @@ class RobotCore:
         if missing:
             raise MalformedMessage(f"Setup: parameters lack {', '.join(missing)}")
         try:
-            strategy, failed = self._strategy(setup)
+            strategy, failed = self._policy_of(setup)
             parameters = Parameters.from_mapping(setup.parameters)
         except ValueError as error:
             raise MalformedMessage(f"Setup: {error}") from None
-        role = brain.Role(
+        config = brain.RobotConfig(
             self.robot, setup.team, setup.tick_s, strategy, parameters, setup.strategy
         )
         # Whatever was known is of another life; its track may have a gap that no filter bridges.
-        self.setup, self.role, self.failed = setup, role, failed
-        self.state = brain.initial(role, setup.first_tick)
+        self.setup, self.config, self.failed = setup, config, failed
+        self.state = brain.initial(config, setup.first_tick)
         self.tick, self._answer_tick = setup.first_tick - 1, setup.answer_tick
         self.setups += 1
         self._answered = None
 
-    def _strategy(self, setup: Setup) -> tuple[Strategy, PluginFailed | None]:
+    def _policy_of(self, setup: Setup) -> tuple[Policy, PluginFailed | None]:
         """The strategy of a setup, or how it cannot be had; ``ValueError`` if nobody knows it."""
         try:
-            return strategy_named(setup.strategy), None
-        except PluginBroken as error:
+            return policy_named(setup.strategy), None
+        except PluginLoadError as error:
             failed = PluginFailed(STRATEGIES, setup.strategy, self.robot, setup.first_tick, error)
-            return _none, failed
+            return _no_policy, failed
 
     def answer(self, observation: Observation) -> brain.Action:
         """As ``decide``; a robot whose own code fails answers with that instead."""
         try:
             return self.decide(observation)
         except PluginFailed as error:
-            if error is not self._told:
-                self.failed = self._told = error
+            if error is not self._reported_failure:
+                self.failed = self._reported_failure = error
                 self._tell_failure(error)
-            return brain.Action(None, _failed(observation))
+            return brain.Action(None, _failure_command(observation))
 
     def check(self, observation: Observation) -> None:
         """Raise for what cannot be answered; nothing changes.
@@ -153,7 +153,7 @@ class RobotCore:
         ``OutOfTurn`` before setup or if its tick is not the next one, ``WrongSender`` if it is for
         another robot, ``MalformedMessage`` for what cannot be so.
         """
-        if self.setup is None or self.role is None:
+        if self.setup is None or self.config is None:
             raise OutOfTurn(f"observation of tick {observation.tick} before setup")
         if observation.robot != self.robot:
             raise WrongSender(f"observation is for {observation.robot}")
@@ -163,16 +163,16 @@ class RobotCore:
             raise OutOfTurn(f"observation of tick {observation.tick} after tick {self.tick}")
         if self._timed not in (None, observation.sent_us is not None):
             raise MalformedMessage("Observation: sent_us is null in lock-step, and only there")
-        problem = problem_of(observation, self.setup, self.role)
+        problem = problem_of(observation, self.setup, self.config)
         if problem is not None:
             raise MalformedMessage(f"Observation: {problem}")
 
     def decide(self, observation: Observation) -> brain.Action:
         """Answer an observation; raises as ``check``, or ``PluginFailed`` if the strategy does."""
         self.check(observation)
-        assert self.role is not None, "checked"
+        assert self.config is not None, "checked"
         assert self.state is not None, "checked"
-        places = brain.places_in(self.role.team)
+        indices = brain.indices_of(self.config.team)
         self.tick, self._timed = observation.tick, observation.sent_us is not None
         if self.failed is not None:
             raise self.failed
@@ -180,14 +180,16 @@ class RobotCore:
         for packet in observation.inbox:
             try:
                 pose = decode_pose(packet, self.run)
-                if pose.robot not in places or pose.robot == self.robot:
+                if pose.robot not in indices or pose.robot == self.robot:
                     raise WrongSender(f"pose from {pose.robot}")
                 if pose.tick >= observation.tick:
                     raise OutOfTurn(f"pose of tick {pose.tick} at tick {observation.tick}")
-                packets.append(self._sifted(pose, places) if pose.relayed else pose)
+                packets.append(
+                    self._without_invalid_relays(pose, indices) if pose.relayed else pose
+                )
             except ProtocolError as error:
                 self.refuse("inbox", error)
-        self.state, action = brain.step(self.state, observation, packets, self.role)
+        self.state, action = brain.step(self.state, observation, packets, self.config)
         self.mode = action.command.mode
         counts = dict(sorted(self.refused.items()))
         if self.state.track.dropped:
@@ -196,19 +198,19 @@ class RobotCore:
             return action._replace(command=replace(action.command, refused=counts))
         return action
 
-    def _sifted(self, pose: Pose, places: Mapping[str, int]) -> Pose:
+    def _without_invalid_relays(self, pose: Pose, indices: Mapping[str, int]) -> Pose:
         """The pose without those relayed detections that cannot be, which are refused."""
         sound = []
         for report in pose.relayed:
             origin, tick = report[:2]
-            if origin in places and tick < pose.tick:
+            if origin in indices and tick < pose.tick:
                 sound.append(report)
                 continue
-            said = f"{pose.robot} relays a detection by {origin!r} of tick {tick}"
-            if origin not in places:
-                self.refuse("inbox", WrongSender(f"{said}, not of this team"))
+            complaint = f"{pose.robot} relays a detection by {origin!r} of tick {tick}"
+            if origin not in indices:
+                self.refuse("inbox", WrongSender(f"{complaint}, not of this team"))
             else:
-                self.refuse("inbox", OutOfTurn(f"{said} at tick {pose.tick}"))
+                self.refuse("inbox", OutOfTurn(f"{complaint} at tick {pose.tick}"))
         return pose if len(sound) == len(pose.relayed) else replace(pose, relayed=tuple(sound))
 
     def refuse(self, key: str, error: ProtocolError) -> None:
@@ -217,11 +219,11 @@ class RobotCore:
         self._log(f"{self.robot} refused a message on {key}: {error}")
 
 
-def _none(view: View) -> Choice:
+def _no_policy(view: View) -> Decision:
     raise AssertionError(f"a robot without a strategy is not asked for one: {view}")
 
 
-def _failed(observation: Observation) -> Command:
+def _failure_command(observation: Observation) -> Command:
     """The command of a robot that cannot say what to do: it stands still."""
     robot, tick = observation.robot, observation.tick
     return Command(robot, tick, (0.0, 0.0), FAILED, None, None, None, None, None, (), False)

@@ -69,11 +69,11 @@ class Track(NamedTuple):
         return self.entries[-1].estimate if self.entries else None
 
 
-NO_TRACK = Track(0, None, (), -1, 0)
+EMPTY_TRACK = Track(0, None, (), -1, 0)
 EMPTY = Entry((), None)
 
 
-def fold(
+def incorporate(
     track: Track, detections: Iterable[Detection], tick: int, tick_s: float, parameters: Parameters
 ) -> Track:
     """The track at ``tick`` (one after the track's last) with these detections folded in.
@@ -95,18 +95,18 @@ def fold(
     for detection in detections:
         by_tick.setdefault(detection[0], []).append(detection)
     for heard_tick, arrived in by_tick.items():
-        place = heard_tick - first
-        if place < 0:
+        index = heard_tick - first
+        if index < 0:
             dropped += len(arrived)
             continue
-        known = entries[place].detections
+        known = entries[index].detections
         if heard_tick < late_tick:
             dropped += len({d[1] for d in arrived} - {d[1] for d in known})
             continue
         merged = {d[1]: d for d in (*arrived, *known)}  # one per origin, the one known first
         if len(merged) > len(known):
-            entries[place] = Entry(tuple(sorted(merged.values())), None)
-            dirty = min(dirty, place)
+            entries[index] = Entry(tuple(sorted(merged.values())), None)
+            dirty = min(dirty, index)
             newest = max(newest, heard_tick)
     if -1 < newest < tick - parameters.track_age_ticks_max:
         # What the old track was fed with is forgotten, so a copy of it must not feed the new one.
@@ -114,23 +114,23 @@ def fold(
         return Track(first, None, (EMPTY,) * (tick + 1 - first), -1, dropped)
     noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
     before = entries[dirty - 1].estimate if dirty else base
-    for place in range(dirty, len(entries)):
-        heard = entries[place].detections
+    for index in range(dirty, len(entries)):
+        heard = entries[index].detections
         before = _step(before, heard, noise, parameters.velocity_mps_std)
-        entries[place] = Entry(heard, before)
+        entries[index] = Entry(heard, before)
     return Track(first, base, tuple(entries), newest, dropped)
 
 
-def up_to(track: Track, tick: int, tick_s: float, parameters: Parameters) -> Track:
+def coast_to(track: Track, tick: int, tick_s: float, parameters: Parameters) -> Track:
     """The track as of the tick before ``tick``, nothing having been heard since its last.
 
     One whose target would be given up for lost in between starts anew at ``tick``.
     """
     next_tick = track.first_tick + len(track.entries)
     if tick - next_tick > parameters.track_age_ticks_max:
-        return NO_TRACK._replace(first_tick=tick, dropped=track.dropped)
+        return EMPTY_TRACK._replace(first_tick=tick, dropped=track.dropped)
     for passed in range(next_tick, tick):
-        track = fold(track, (), passed, tick_s, parameters)
+        track = incorporate(track, (), passed, tick_s, parameters)
     return track
 
 

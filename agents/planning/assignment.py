@@ -17,8 +17,8 @@ exact. The low bits hold the whole rule up to seven robots; beyond that only for
 robots as fit, and what is left is broken by scipy's own fixed order.
 
 The paper assigns anew at every step, so a robot between two points may turn back and forth as the
-ring turns and news comes late. ``kept_or_assigned`` is hysteresis against that, by request. Each
-robot decides for itself, so while one keeps its point another may be assigned it.
+ring turns and news comes late. ``assign_with_hysteresis`` is a remedy, by request. Each robot
+decides for itself, so while one keeps its point another may be assigned it.
 """
 
 from functools import lru_cache
@@ -66,20 +66,20 @@ def assign_by_enumeration(costs: NDArray[np.float64]) -> tuple[tuple[int, ...], 
     return best, minimum
 
 
-def whole_microns(distances: NDArray[np.float64]) -> NDArray[np.float64]:
+def whole_quanta(distances: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances in m as whole numbers of ``QUANTUM_M``, held in doubles."""
     return np.rint(distances * QUANTA_PER_M)
 
 
 @lru_cache(maxsize=256)
-def _preference(count: int) -> NDArray[np.float64]:
+def _tie_break_bits(count: int) -> NDArray[np.float64]:
     """(N, 1, N) low bits that make the lexicographically smallest win, see above."""
     leading = 0
     while leading < count and count ** (leading + 1) <= 2**TIE_BITS:
         leading += 1
-    place = np.zeros(count)
-    place[:leading] = float(count) ** np.arange(leading - 1, -1, -1)
-    return place[:, None, None] * np.arange(count)
+    place_values = np.zeros(count)
+    place_values[:leading] = float(count) ** np.arange(leading - 1, -1, -1)
+    return place_values[:, None, None] * np.arange(count)
 
 
 @lru_cache(maxsize=ENUMERATED_MAX + 1)
@@ -106,13 +106,13 @@ def assign(
     rings, count, _ = points.shape
     # [robot, ring, point]
     distances = cdist(team, points.reshape(rings * count, 2)).reshape(count, rings, count)
-    costs = whole_microns(distances)
-    choose = shortest_of_all if count <= ENUMERATED_MAX else shortest_by_linear_assignment
+    costs = whole_quanta(distances)
+    choose = batch_by_enumeration if count <= ENUMERATED_MAX else batch_by_linear_assignment
     choice = choose(costs)
-    return choice, distances[_numbers(count), _numbers(rings)[:, None], choice]
+    return choice, distances[_index_range(count), _index_range(rings)[:, None], choice]
 
 
-def shortest_of_all(costs: NDArray[np.float64]) -> NDArray[np.intp]:
+def batch_by_enumeration(costs: NDArray[np.float64]) -> NDArray[np.intp]:
     """(G, N) each robot's point, for ``costs`` (N, G, N) of robot, ring and point: enumeration."""
     count, rings, _ = costs.shape
     every, sums = _permutations(count)
@@ -121,18 +121,18 @@ def shortest_of_all(costs: NDArray[np.float64]) -> NDArray[np.intp]:
     return chosen
 
 
-def shortest_by_linear_assignment(costs: NDArray[np.float64]) -> NDArray[np.intp]:
+def batch_by_linear_assignment(costs: NDArray[np.float64]) -> NDArray[np.intp]:
     """The same by linear assignment, for any N."""
     count, rings, _ = costs.shape
     costs = costs * 2.0**TIE_BITS
-    costs += _preference(count)
+    costs += _tie_break_bits(count)
     choice = np.empty((rings, count), np.intp)
     for ring in range(rings):
         choice[ring] = linear_sum_assignment(costs[:, ring])[1]
     return choice
 
 
-def kept_or_assigned(
+def assign_with_hysteresis(
     team: NDArray[np.float64],
     points: NDArray[np.float64],
     assigned: NDArray[np.intp],
@@ -147,16 +147,16 @@ def kept_or_assigned(
     more than ``gain_m``. ``team`` and ``points``: (N, 2) in m; ``assigned``: (N,), the best one.
     """
     chosen = int(assigned[own])
-    kept = int(whole_microns(cdist([previous], points)[0]).argmin())
+    kept = int(whole_quanta(cdist([previous], points)[0]).argmin())
     if kept == chosen:
         return chosen
-    costs = whole_microns(cdist(team, points))
-    best = costs[_numbers(len(team)), assigned].sum()
+    costs = whole_quanta(cdist(team, points))
+    best = costs[_index_range(len(team)), assigned].sum()
     others = np.delete(np.delete(costs, own, axis=0), kept, axis=1)
     best_keeping = costs[own, kept] + others[linear_sum_assignment(others)].sum()
     return chosen if best_keeping - best > gain_m * QUANTA_PER_M else kept
 
 
 @lru_cache(maxsize=256)
-def _numbers(count: int) -> NDArray[np.intp]:
+def _index_range(count: int) -> NDArray[np.intp]:
     return np.arange(count)

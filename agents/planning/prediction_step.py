@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.agents.planning.assignment import whole_microns
+from encircle.agents.planning.assignment import whole_quanta
 
 
 @lru_cache(maxsize=64)
@@ -32,5 +32,5 @@ def best_step(distances: NDArray[np.float64], xi_grid: tuple[float, ...], xi_wei
     Distances count in whole microns, as in ``encircle.agents.planning.assignment``: rounding noise
     must not decide.
     """
-    microns = whole_microns(distances)
+    microns = whole_quanta(distances)
     return int((variances(microns) * deviation_weights(xi_grid, xi_weight)).argmin())

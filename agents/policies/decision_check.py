@@ -6,31 +6,37 @@ and later, where nothing tells who is to blame.
 
 from typing import Any
 
-from encircle.agents.policies.strategies import Choice
+from encircle.agents.policies.policies import Decision
 from encircle.protocol.fields import COUNT_MAX, NUMBER_MAX, TEXT_MAX
 from encircle.protocol.messages import FAILED
-from encircle.protocol.plugins import BadAnswer, pair_of_m, shown
+from encircle.protocol.plugins import InvalidPluginResult, pair_of_m, shown
 from encircle.protocol.real_time import STOPPED
 
 
-def checked(choice: Any) -> Choice:
-    """The choice, its numbers as plain ones; ``BadAnswer`` if it is none."""
-    if not isinstance(choice, Choice):
-        raise BadAnswer(f"{shown(choice)}: must be a Choice (encircle.agents.policies.strategies)")
-    mode, step, goal, xi, point, predictor = choice
+def validated(decision: Any) -> Decision:
+    """The choice, its numbers as plain ones; ``InvalidPluginResult`` if it is none."""
+    if not isinstance(decision, Decision):
+        raise InvalidPluginResult(
+            f"{shown(decision)}: must be a Decision (encircle.agents.policies.policies)"
+        )
+    mode, step, goal, xi, point, predictor = decision
     _check_text("mode", mode)
     if mode in (FAILED, STOPPED):
-        raise BadAnswer(f"mode = {mode!r}: is kept for commands that no strategy has chosen")
+        raise InvalidPluginResult(
+            f"mode = {mode!r}: is kept for commands that no strategy has chosen"
+        )
     if predictor is not None:
         _check_text("predictor", predictor)
     step, goal = pair_of_m("step", step), pair_of_m("goal", goal)
-    return Choice(mode, step, goal, _prediction_step(xi), _point(point), predictor)
+    return Decision(mode, step, goal, _prediction_step(xi), _point(point), predictor)
 
 
 def _check_text(name: str, value: Any) -> None:
     if type(value) is str and len(value) <= TEXT_MAX and (value.isascii() or _is_sound(value)):
         return
-    raise BadAnswer(f"{name} = {shown(value)}: must be text of at most {TEXT_MAX} characters")
+    raise InvalidPluginResult(
+        f"{name} = {shown(value)}: must be text of at most {TEXT_MAX} characters"
+    )
 
 
 def _is_sound(text: str) -> bool:
@@ -46,7 +52,7 @@ def _prediction_step(xi: Any) -> float | None:
     except (TypeError, ValueError, OverflowError):
         number = NUMBER_MAX
     if isinstance(xi, str) or not -NUMBER_MAX < number < NUMBER_MAX:
-        raise BadAnswer(f"xi = {shown(xi)}: must be a prediction step, or None")
+        raise InvalidPluginResult(f"xi = {shown(xi)}: must be a prediction step, or None")
     return number
 
 
@@ -58,5 +64,7 @@ def _point(point: Any) -> int | None:
     except (AttributeError, TypeError):
         number = -1
     if isinstance(point, bool) or not 0 <= number <= COUNT_MAX:
-        raise BadAnswer(f"point = {shown(point)}: must be the number of a point from 0 on, or None")
+        raise InvalidPluginResult(
+            f"point = {shown(point)}: must be the number of a point from 0 on, or None"
+        )
     return int(number)

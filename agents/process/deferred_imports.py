@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 
-class _Postponed:
+class _Deferred:
     """Stands for a name of a module, and fetches it when it is used.
 
     While the module is still postponed an attribute is postponed as well and a call does nothing:
@@ -25,40 +25,40 @@ class _Postponed:
         self._module = module
         self._path = path
 
-    def _is_postponed(self) -> bool:
-        return isinstance(sys.modules.get(self._module), _PostponedModule)
+    def _is_deferred(self) -> bool:
+        return isinstance(sys.modules.get(self._module), _DeferredModule)
 
-    def _fetched(self) -> Any:
+    def _resolved(self) -> Any:
         value: Any = import_module(self._module)
         for name in self._path:
             value = getattr(value, name)
         return value
 
     def __getattr__(self, name: str) -> Any:
-        if self._is_postponed():
-            return _Postponed(self._module, (*self._path, name))
-        return getattr(self._fetched(), name)
+        if self._is_deferred():
+            return _Deferred(self._module, (*self._path, name))
+        return getattr(self._resolved(), name)
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        return None if self._is_postponed() else self._fetched()(*arguments, **named)
+        return None if self._is_deferred() else self._resolved()(*arguments, **named)
 
 
-class _PostponedModule(ModuleType):
+class _DeferredModule(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        return _Postponed(self.__name__, (name,))
+        return _Deferred(self.__name__, (name,))
 
 
 @contextmanager
-def postponed(*modules: str) -> Iterator[None]:
+def deferred(*modules: str) -> Iterator[None]:
     """Within this context, importing names from ``modules`` does not import those modules."""
     absent = [name for name in modules if name not in sys.modules]
     for name in absent:
-        sys.modules[name] = _PostponedModule(name)
+        sys.modules[name] = _DeferredModule(name)
     try:
         yield
     finally:
         for name in absent:
-            if isinstance(sys.modules.get(name), _PostponedModule):
+            if isinstance(sys.modules.get(name), _DeferredModule):
                 del sys.modules[name]

@@ -9,11 +9,11 @@ import queue
 import threading
 import time
 
-from encircle.agents.brain.real_time_core import RealTimeCore
+from encircle.agents.brain.real_time_core import RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
-from encircle.protocol.connections import Link
-from encircle.protocol.errors import LinkClosed, ProtocolError
+from encircle.protocol.connections import Connection
+from encircle.protocol.errors import ConnectionClosed, ProtocolError
 from encircle.protocol.keys import robot_key
 from encircle.protocol.mailbox import Mailbox, now_us
 from encircle.protocol.messages import Observation
@@ -31,55 +31,57 @@ def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
     return observation.sent_us is not None
 
 
-def answer(core: RobotCore, link: Link, first: tuple[str, bytes]) -> None:
+def answer(core: RobotCore, connection: Connection, first: tuple[str, bytes]) -> None:
     """Answer until the run ends or the link is closed. ``first``: the first observation."""
-    link.never_wait()
-    robot = RealTimeCore(core)
+    connection.drop_when_congested()
+    robot = RealTimeRobotCore(core)
     mail = Mailbox()
     mail.put(*first)
-    goes_on: queue.SimpleQueue[bool] = queue.SimpleQueue()
-    reader = threading.Thread(target=_read, args=(link, mail, goes_on), name="mail", daemon=True)
+    continues: queue.SimpleQueue[bool] = queue.SimpleQueue()
+    reader = threading.Thread(
+        target=_read, args=(connection, mail, continues), name="mail", daemon=True
+    )
     reader.start()
-    be_deaf = None
+    unsubscribe = None
     if core.setup is not None and core.setup.radio == "direct":
-        be_deaf = link.overhear(robot_key(core.run, "*", "pose"), mail.put)
-    stop_s = time.monotonic() + robot.quiet_s
+        unsubscribe = connection.subscribe(robot_key(core.run, "*", "pose"), mail.put)
+    stop_s = time.monotonic() + robot.observation_timeout_s
     try:
         while core.ended is None:
-            came = mail.take(stop_s - time.monotonic())
-            for time_us, key, payload in came:
+            arrivals = mail.take(stop_s - time.monotonic())
+            for time_us, key, payload in arrivals:
                 robot.take(time_us, key, payload)
                 if key.endswith("/end"):
-                    goes_on.put(core.ended is None)
+                    continues.put(core.ended is None)
             dropped, mail.dropped = mail.dropped, 0
-            robot.no_room(dropped)
+            robot.count_dropped(dropped)
             action = robot.decide() if core.ended is None else None
             if action is not None:
-                _send(link, robot.said(action, now_us()))
+                _send(connection, robot.messages(action, now_us()))
             elif time.monotonic() >= stop_s and core.ended is None:
-                _send(link, robot.stop(now_us()))
+                _send(connection, robot.stop(now_us()))
             else:
                 continue
-            stop_s = time.monotonic() + robot.quiet_s
+            stop_s = time.monotonic() + robot.observation_timeout_s
     finally:
-        if be_deaf is not None:
-            be_deaf()
+        if unsubscribe is not None:
+            unsubscribe()
 
 
-def _read(link: Link, mail: Mailbox, goes_on: "queue.SimpleQueue[bool]") -> None:
+def _read(connection: Connection, mail: Mailbox, continues: "queue.SimpleQueue[bool]") -> None:
     """Stamp what comes, until the run has ended: what comes then is for the next one."""
     try:
         while True:
-            key, payload = link.receive()
+            key, payload = connection.receive()
             ends = key.endswith("/end")
             # Of these there is one at a time, and who drops it would wait for ever.
             mail.put(key, payload, keep=ends)
-            if ends and not goes_on.get():
+            if ends and not continues.get():
                 return
-    except LinkClosed:
+    except ConnectionClosed:
         mail.close()
 
 
-def _send(link: Link, messages: list[tuple[str, bytes]]) -> None:
+def _send(connection: Connection, messages: list[tuple[str, bytes]]) -> None:
     for key, payload in messages:
-        link.send(key, payload)
+        connection.send(key, payload)

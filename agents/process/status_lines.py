@@ -8,7 +8,7 @@ from encircle.agents.brain.robot_core import RobotCore
 PERIOD_S = 1.0
 
 
-class Telling:
+class StatusLog:
     """Says what has become of a robot since the last look; ``say`` takes a line."""
 
     def __init__(
@@ -16,11 +16,11 @@ class Telling:
     ) -> None:
         self._say = say
         self._clock_s = clock_s
-        self._told_s = clock_s()
+        self._reported_s = clock_s()
         self._tick = -1
         self._setups = 0
 
-    def look(self, core: RobotCore) -> None:
+    def update(self, core: RobotCore) -> None:
         """Look at a run's core, which may be another one from run to run."""
         setup, tick = core.setup, core.tick
         if setup is None:
@@ -29,7 +29,7 @@ class Telling:
             again = f" again at tick {setup.first_tick}" if setup.first_tick else ""
             self._setups = core.setups
             self._say(f"joined run {core.run}{again}, one of {len(setup.team)} robots")
-        elif tick > self._tick and self._clock_s() - self._told_s >= PERIOD_S:
-            self._told_s = self._clock_s()
+        elif tick > self._tick and self._clock_s() - self._reported_s >= PERIOD_S:
+            self._reported_s = self._clock_s()
             self._say(f"tick {tick}, {core.mode}")
         self._tick = tick

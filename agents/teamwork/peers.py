@@ -35,7 +35,7 @@ class Team(NamedTuple):
     positions: tuple[Point, ...]
 
 
-def fold(
+def incorporate(
     peers: PeerTable,
     packets: Sequence[tuple[int, Pose]],
     seen: Sequence[tuple[int, float, float]],
@@ -61,20 +61,20 @@ def fold(
     return tuple(table)
 
 
-def fold_lost(
-    lost: Lost, said: Sequence[int], packets: Sequence[tuple[int, Pose]], tick: int
+def update_lost(
+    lost: Lost, reported: Sequence[int], packets: Sequence[tuple[int, Pose]], tick: int
 ) -> Lost:
     """Who is lost after hearing that ``said`` are, and packets ``(index, pose)``."""
     before = {index: (since, spoken) for index, since, spoken in lost}
     after = []
-    for index in said:
+    for index in reported:
         since, spoken = before.get(index, (tick, False))
         speaks = any(peer == index and pose.tick >= since for peer, pose in packets)
         after.append((index, since, spoken or speaks))
     return tuple(after)
 
 
-def without(peers: PeerTable, lost: Lost) -> PeerTable:
+def without_lost(peers: PeerTable, lost: Lost) -> PeerTable:
     """The table without the peers that are lost and have not spoken since."""
     if not lost:
         return peers
@@ -82,7 +82,9 @@ def without(peers: PeerTable, lost: Lost) -> PeerTable:
     return tuple([None if index in silent else peer for index, peer in enumerate(peers)])
 
 
-def team_of(peers: PeerTable, own: int, position: Point, tick: int, parameters: Parameters) -> Team:
+def planning_team(
+    peers: PeerTable, own: int, position: Point, tick: int, parameters: Parameters
+) -> Team:
     """The team to plan with at a tick: this robot and every peer that is young enough."""
     table = list(peers)
     table[own] = (tick, *position, 0.0, 0.0)
@@ -90,11 +92,13 @@ def team_of(peers: PeerTable, own: int, position: Point, tick: int, parameters: 
     members = tuple([i for i, peer in enumerate(table) if peer is not None and peer[0] >= oldest])
     if len(members) < len(table):
         table = [table[i] for i in members]
-    places = taken_to_be(table, tick, parameters)  # type: ignore[arg-type]  # members are known
-    return Team(members, members.index(own), places)
+    positions = believed_positions(table, tick, parameters)  # type: ignore[arg-type]  # members are known
+    return Team(members, members.index(own), positions)
 
 
-def taken_to_be(known: Sequence[Peer], tick: int, parameters: Parameters) -> tuple[Point, ...]:
+def believed_positions(
+    known: Sequence[Peer], tick: int, parameters: Parameters
+) -> tuple[Point, ...]:
     """Where robots of whom this is known are taken to be at a tick, in m."""
     if parameters.peer_policy == "hold":
         return tuple([(x, y) for _, x, y, _, _ in known])

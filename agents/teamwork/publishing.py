@@ -18,12 +18,12 @@ from math import dist
 from typing import NamedTuple
 
 from encircle.agents.estimation.kalman import Estimate, next_estimate
-from encircle.agents.teamwork.peers import Peer, fold, taken_to_be
+from encircle.agents.teamwork.peers import Peer, believed_positions, incorporate
 from encircle.protocol.messages import QUANTUM_M, Point, Pose
 from encircle.protocol.parameters import Parameters
 
 
-class Told(NamedTuple):
+class ReceiverModel(NamedTuple):
     """What a peer knows that has heard all of this robot's packets and nothing else.
 
     ``sender``: of this robot, by its last packet; ``detecting``: whether that carried a detection;
@@ -36,8 +36,8 @@ class Told(NamedTuple):
     detected_tick: int
 
 
-def is_due(
-    told: Told | None,
+def should_publish(
+    receiver_model: ReceiverModel | None,
     tick: int,
     position: Point,
     detection: Point | None,
@@ -47,44 +47,53 @@ def is_due(
     """Whether to publish at a tick. ``told``: as of the tick before, None if nothing was said."""
     if tick % parameters.publish_every_ticks:
         return False
-    if parameters.publish == "always" or told is None:
+    if parameters.publish == "always" or receiver_model is None:
         return True
-    if tick - told.sender[0] >= parameters.publish_age_ticks_max:
+    if tick - receiver_model.sender[0] >= parameters.publish_age_ticks_max:
         return True
     # Whole quanta travel, so an error of one is none.
     error_m = parameters.publish_error_m + QUANTUM_M
-    if dist(position, taken_to_be((told.sender,), tick, parameters)[0]) > error_m:
+    if dist(position, believed_positions((receiver_model.sender,), tick, parameters)[0]) > error_m:
         return True
     if detection is None:
         return False
-    target = _remembered(told, tick, parameters)
-    if target is None or not told.detecting:
+    target = _target_at_receivers(receiver_model, tick, parameters)
+    if target is None or not receiver_model.detecting:
         return True
     return dist(detection, (target.x + tick_s * target.vx, target.y + tick_s * target.vy)) > error_m
 
 
-def told_after(
-    told: Told | None, pose: Pose | None, tick: int, tick_s: float, parameters: Parameters
-) -> Told | None:
+def next_receiver_model(
+    receiver_model: ReceiverModel | None,
+    pose: Pose | None,
+    tick: int,
+    tick_s: float,
+    parameters: Parameters,
+) -> ReceiverModel | None:
     """What has been told when a tick is over; ``pose``: the packet sent at it, if any."""
     if parameters.publish == "always":
         return None
-    target = _remembered(told, tick, parameters)
+    target = _target_at_receivers(receiver_model, tick, parameters)
     if pose is None or pose.detection is None:
         target = next_estimate(target, (), tick_s, parameters)
-        detected_tick = told.detected_tick if told else -1
+        detected_tick = receiver_model.detected_tick if receiver_model else -1
     else:
         target = next_estimate(target, ((tick, 0, *pose.detection),), tick_s, parameters)
         detected_tick = tick
     if pose is None:
-        return told and told._replace(target=target)
-    sender = fold((None,), ((0, pose),), (), tick, tick_s)[0]
+        return receiver_model and receiver_model._replace(target=target)
+    sender = incorporate((None,), ((0, pose),), (), tick, tick_s)[0]
     assert sender is not None, "a packet tells where its sender is"
-    return Told(sender, pose.detection is not None, target, detected_tick)
+    return ReceiverModel(sender, pose.detection is not None, target, detected_tick)
 
 
-def _remembered(told: Told | None, tick: int, parameters: Parameters) -> Estimate | None:
+def _target_at_receivers(
+    receiver_model: ReceiverModel | None, tick: int, parameters: Parameters
+) -> Estimate | None:
     """The peer's estimate, unless it has given the target up for lost by now."""
-    if told is None or told.detected_tick < tick - parameters.track_age_ticks_max:
+    if (
+        receiver_model is None
+        or receiver_model.detected_tick < tick - parameters.track_age_ticks_max
+    ):
         return None
-    return told.target
+    return receiver_model.target

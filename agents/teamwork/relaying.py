@@ -16,32 +16,32 @@ from encircle.protocol.messages import RELAYED_MAX, Pose
 Relayed = tuple[tuple[str, int, float, float], ...]
 
 
-def to_pass_on(
+def detections_to_relay(
     track: Track, tick: int, own: int, team: Sequence[str], age_ticks_max: int
 ) -> Relayed:
     """What others detected before a tick, newest first and then in robot order."""
-    found: list[tuple[str, int, float, float]] = []
+    collected: list[tuple[str, int, float, float]] = []
     oldest = max(0, tick - age_ticks_max - track.first_tick)
     for entry in track.entries[oldest:][::-1]:
         for heard_tick, origin, x, y in entry.detections:
             if origin != own:
-                found.append((team[origin], heard_tick, x, y))
-        if len(found) >= RELAYED_MAX:
+                collected.append((team[origin], heard_tick, x, y))
+        if len(collected) >= RELAYED_MAX:
             break
-    return tuple(found[:RELAYED_MAX])
+    return tuple(collected[:RELAYED_MAX])
 
 
-def passed_on(
-    packets: Sequence[Pose], tick: int, own: int, places: Mapping[str, int]
+def relayed_detections(
+    packets: Sequence[Pose], tick: int, own: int, indices: Mapping[str, int]
 ) -> list[Detection]:
     """The earlier detections by others that these packets pass on, each once.
 
     The same is heard from many sides; of what should not differ but does, the last one counts.
     """
-    found: dict[tuple[int, int], Detection] = {}
+    collected: dict[tuple[int, int], Detection] = {}
     for packet in packets:
         for origin, heard_tick, x, y in packet.relayed:
-            place = places[origin]
-            if place != own and heard_tick < tick:
-                found[heard_tick, place] = (heard_tick, place, x, y)
-    return list(found.values())
+            index = indices[origin]
+            if index != own and heard_tick < tick:
+                collected[heard_tick, index] = (heard_tick, index, x, y)
+    return list(collected.values())

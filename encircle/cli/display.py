@@ -36,7 +36,7 @@ class Display:
     ) -> None:
         self._console = console or Console(stderr=True)
         self._clock_s = clock_s
-        self._begun_s = self._told_s = clock_s()
+        self._begun_s = self._reported_s = clock_s()
         self._ticks_max = scenario.ticks_max
         self._progress = Progress(
             TextColumn("{task.description:8}"),
@@ -83,8 +83,8 @@ class Display:
         """Show a tick: on a terminal at once, elsewhere every ``PERIOD_S`` s."""
         self._progress.update(self._task, completed=tick, description="hunting", distances=near)
         now_s = self._clock_s()
-        if not self._console.is_terminal and now_s - self._told_s >= PERIOD_S:
-            self._told_s = now_s
+        if not self._console.is_terminal and now_s - self._reported_s >= PERIOD_S:
+            self._reported_s = now_s
             self._say(f"tick {tick} of {self._ticks_max}, {near} to the target")
 
     def _end(self, result: dict[str, Any]) -> None:
@@ -113,8 +113,8 @@ class Display:
         table.add_column(style="bold")
         table.add_column()
 
-        def add(what: str, told: str) -> None:
-            table.add_row(what, visible(told))
+        def add(what: str, value: str) -> None:
+            table.add_row(what, visible(value))
 
         if result.capture_tick is not None:
             outcome = f"at tick {result.capture_tick} ({result.capture_tick * tick_s:.1f} s)"
@@ -141,8 +141,8 @@ class Display:
             add(f"tick {tick}", f"robot {robot} is {what}")
         if len(result.departures) > SHOWN_MAX:
             add("", f"and {len(result.departures) - SHOWN_MAX} more of that kind")
-        for what, told in _punctuality(hunt):
-            add(what, told)
+        for what, value in _punctuality(hunt):
+            add(what, value)
         where = f"{hunt.processes} over Zenoh" if hunt.link == "zenoh" else "1, all in memory"
         add("processes", where)
         add("seed, digest", f"{hunt.seed}, {result.digest}")

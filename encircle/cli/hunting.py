@@ -10,10 +10,10 @@ from rich.console import Console
 
 from encircle.cli.display import Display
 from encircle.network.transport import SHOWN_MAX, show
-from encircle.protocol.process.interrupts import Interrupted, held, saying
+from encircle.protocol.process.interrupts import Interrupted, exit_message, signals_held
 from encircle.protocol.process.log import say, say_error
 from encircle.runner.hunts import Hunt, check_link, default_directory, resume, run
-from encircle.runner.launch import Patience, RunFailed
+from encircle.runner.launch import RunFailed, Timeouts
 from encircle.world.loading.files import shipped
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import ScenarioRemark, remarks_on
@@ -23,7 +23,7 @@ from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
 
-class Wish(NamedTuple):
+class HuntRequest(NamedTuple):
     """What was asked for. ``resume``: a run's directory, instead of scenario, changes and out."""
 
     scenario: str
@@ -32,17 +32,17 @@ class Wish(NamedTuple):
     resume: Path | None
     link: str
     when_lost: str
-    patience: Patience
+    timeouts: Timeouts
 
 
-def _hunt(wish: Wish, scenario: Scenario, directory: Path, display: Display) -> Hunt:
+def _hunt(request: HuntRequest, scenario: Scenario, directory: Path, display: Display) -> Hunt:
     how: dict[str, Any] = {
-        "link": wish.link,
+        "link": request.link,
         "progress": display.update,
-        "when_lost": wish.when_lost,
-        "patience": wish.patience,
+        "when_lost": request.when_lost,
+        "timeouts": request.timeouts,
     }
-    if wish.resume is not None:
+    if request.resume is not None:
         return resume(directory, **how)
     with warnings.catch_warnings():
         # They have been told in lines of their own.
@@ -57,16 +57,16 @@ def _is_resumable(error: RunFailed | Interrupted, directory: Path) -> bool:
     return (directory / RECORDING).exists() and not (directory / SUMMARY).exists()
 
 
-def _load(wish: Wish) -> Scenario:
+def _load(request: HuntRequest) -> Scenario:
     try:
-        return load(wish.scenario, wish.changes)
+        return load(request.scenario, request.changes)
     except ScenarioError:
         # Imported late: who asks for a scenario need not wait for studies.
         from encircle.studies.plan_files import shipped_studies
 
-        if wish.scenario in shipped_studies() and wish.scenario not in shipped():
+        if request.scenario in shipped_studies() and request.scenario not in shipped():
             raise ScenarioError(
-                f"scenario {wish.scenario!r} is a study: encircle study {wish.scenario}"
+                f"scenario {request.scenario!r} is a study: encircle study {request.scenario}"
             ) from None
         raise
 
@@ -78,26 +78,26 @@ def show_transport(directory: Path) -> None:
         show(summary["transport"], Console(), SHOWN_MAX)
 
 
-def hunt_and_draw(wish: Wish, as_json: bool) -> None:
+def hunt_and_draw(request: HuntRequest, as_json: bool) -> None:
     """Run or resume a hunt, draw it, and show what came of it; raises as ``encircle.run``."""
-    if wish.resume is None:
-        scenario = _load(wish)
-        directory = wish.out or default_directory(wish.scenario, scenario.seed)
+    if request.resume is None:
+        scenario = _load(request)
+        directory = request.out or default_directory(request.scenario, scenario.seed)
     else:
-        scenario, directory = read_last(wish.resume).scenario, wish.resume
-    check_link(scenario, wish.link)
+        scenario, directory = read_last(request.resume).scenario, request.resume
+    check_link(scenario, request.link)
     for remark in remarks_on(scenario):
         say_error(f"encircle: {remark}")
     try:
-        with held(), Display(scenario, wish.link) as display:
-            hunt = _hunt(wish, scenario, directory, display)
+        with signals_held(), Display(scenario, request.link) as display:
+            hunt = _hunt(request, scenario, directory, display)
     except (RunFailed, Interrupted) as error:
         if not _is_resumable(error, directory) or scenario.clock == "wall":
             raise RunFailed(str(error)) from None
         raise RunFailed(f"{error}; to go on: encircle run --resume {directory}") from None
     figure = directory / "trajectory.png"
     try:
-        with saying(f"; the run is over and recorded in {directory}, but not drawn"):
+        with exit_message(f"; the run is over and recorded in {directory}, but not drawn"):
             # Imported after the hunt: the robots need not wait for the plotting library.
             from encircle.figures.figures import draw_run
 
@@ -105,7 +105,7 @@ def hunt_and_draw(wish: Wish, as_json: bool) -> None:
     except OSError as error:
         raise RunFailed(f"cannot draw {figure}: {error.strerror}") from None
     if as_json:
-        name = wish.scenario or scenario.title or str(directory)
+        name = request.scenario or scenario.title or str(directory)
         say(json.dumps({**hunt.as_dict(name), "figure": str(figure)}))
     else:
         display.show_result(hunt, directory, figure)

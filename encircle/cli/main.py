@@ -64,7 +64,7 @@ def _seconds(name: str, text: str) -> Any:
 def main() -> int:
     """Run a command; one clear line for whatever goes wrong. Returns the exit status."""
     from encircle.protocol.plugins import PluginFailed
-    from encircle.protocol.process.tracebacks import line_of
+    from encircle.protocol.process.tracebacks import failure_line
     from encircle.runner.launch import RunFailed
     from encircle.world.recording.run_directory import RunDirectoryError
     from encircle.world.scenario.errors import ScenarioError
@@ -82,7 +82,7 @@ def main() -> int:
         return 1
     except PluginFailed as error:
         # What only reads a run leaves nothing in its directory.
-        say_error(f"encircle: {line_of(error, None)}")
+        say_error(f"encircle: {failure_line(error, None)}")
         return 1
     except SystemExit as ended:
         return int(ended.code or 0)
@@ -127,9 +127,9 @@ def run_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Run one hunt, record it and draw it."""
-    from encircle.cli.hunting import Wish, hunt_and_draw
+    from encircle.cli.hunting import HuntRequest, hunt_and_draw
     from encircle.runner.hunts import LINKS
-    from encircle.runner.launch import PATIENCE, Patience
+    from encircle.runner.launch import TIMEOUTS, Timeouts
     from encircle.world.coordinator.result import WHEN_LOST
 
     for name, value, known in (("link", link, LINKS), ("when-lost", when_lost, WHEN_LOST)):
@@ -145,10 +145,12 @@ def run_command(
             param_hint="--resume",
         )
     changes = [*changes, *([f"seed={seed}"] if seed is not None else [])]
-    patience = Patience(
-        join_timeout or PATIENCE.join_s_max, answer_timeout or PATIENCE.answer_s_max
+    timeouts = Timeouts(
+        join_timeout or TIMEOUTS.join_s_max, answer_timeout or TIMEOUTS.answer_s_max
     )
-    hunt_and_draw(Wish(scenario or "", changes, out, resume, link, when_lost, patience), as_json)
+    hunt_and_draw(
+        HuntRequest(scenario or "", changes, out, resume, link, when_lost, timeouts), as_json
+    )
 
 
 @app.command("scenarios")
@@ -237,10 +239,10 @@ def transport_command(
     """
     from rich.console import Console
 
-    from encircle.network.transport import show, traffic_of
+    from encircle.network.transport import ledger_of, show
     from encircle.world.network.transport import report
 
-    found = report(traffic_of(_read(run)))
+    found = report(ledger_of(_read(run)))
     if as_json:
         say(json.dumps(found))
     else:

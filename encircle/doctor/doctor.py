@@ -17,13 +17,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from encircle.doctor.machine import Finding, machine
+from encircle.doctor.machine import CheckResult, machine
 from encircle.doctor.network import connecting_to, exposure, listening_on
-from encircle.doctor.run import parties
+from encircle.doctor.run import nodes
 from encircle.protocol.process.log import say
-from encircle.protocol.programs.options import Options, access, identity, name_of, seconds
-from encircle.protocol.zenoh.configuration import endpoints
-from encircle.protocol.zenoh.endpoints import Access, AccessError, Identity, here
+from encircle.protocol.programs.options import Options, endpoints_of, identity, name_of, seconds
+from encircle.protocol.zenoh.configuration import configured_endpoints
+from encircle.protocol.zenoh.endpoints import (
+    ConfigurationError,
+    Endpoints,
+    Identity,
+    loopback_endpoint,
+)
 
 CHECK_S_MAX = 3.0
 ASKING_S_MAX = 30.0
@@ -44,11 +49,11 @@ def main(arguments: Sequence[str] | None = None, program: str = "encircle doctor
     try:
         # Without certificates at first: those that will not do are a finding, not a wrong usage.
         plain = Namespace(**(vars(found) | {"certificates": None}))
-        where = access(plain, found.check_timeout) if networked else None
+        where = endpoints_of(plain, found.check_timeout) if networked else None
         examination.findings += machine(found.runs or RUNS, found.runs is not None)
         if where is not None:
             _network(examination, where, found)
-    except AccessError as error:
+    except ConfigurationError as error:
         options.error(str(error))
     status = 0 if examination.well else 1
     say(*([as_json(examination)] if found.json else as_lines(examination)))
@@ -60,7 +65,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "encircle doctor
 
 def _options(program: str) -> Options:
     options = Options(program, "Examine this machine, and a run's network, and say what to do.")
-    options.add_access()
+    options.add_endpoints()
     options.add("--run", "name of the run that should be there", read=name_of("run"))
     options.add("--robot", "a robot that should be there", read=name_of("robot"), metavar="ID")
     options.add("--runs", "directory that runs are recorded in", read=Path, metavar="DIR")
@@ -80,7 +85,7 @@ class _Examination:
 
     def __init__(self, s_max: float) -> None:
         self.s_max = s_max
-        self.findings: list[Finding] = []
+        self.findings: list[CheckResult] = []
         self.stuck = False
 
     @property
@@ -91,34 +96,36 @@ class _Examination:
         self,
         check: str,
         what: str,
-        look: Callable[..., list[Finding]],
+        look: Callable[..., list[CheckResult]],
         *arguments: Any,
         more_s: float = 0.0,
-    ) -> list[Finding]:
+    ) -> list[CheckResult]:
         """Add, and return, what a step finds, or that it did not end."""
         s_max = 2.0 * self.s_max + more_s
-        found = within(s_max, partial(look, *arguments))
+        found = with_timeout(s_max, partial(look, *arguments))
         if found is None:
             self.stuck = True
-            said = f"{what}: no end after {s_max:g} s"
-            found = [Finding(check, "wrong", said, "is the network, or its name server, there?")]
+            message = f"{what}: no end after {s_max:g} s"
+            found = [
+                CheckResult(check, "wrong", message, "is the network, or its name server, there?")
+            ]
         self.findings += found
         return found
 
 
-def _network(examination: _Examination, where: Access, found: Namespace) -> None:
+def _network(examination: _Examination, where: Endpoints, found: Namespace) -> None:
     """Everything about endpoints, and about those who are behind them."""
     s_max = examination.s_max
     try:
         where = replace(where, identity=_identity(found))
-    except AccessError as error:
+    except ConfigurationError as error:
         advice = "docs/security.md says which files each party needs, and how to make them"
-        examination.findings.append(Finding("certificates", "wrong", str(error), advice))
+        examination.findings.append(CheckResult("certificates", "wrong", str(error), advice))
         return
     examination.findings += exposure(where)
-    listening, connecting = endpoints(replace(where, without_authentication=True))
+    listening, connecting = configured_endpoints(replace(where, without_authentication=True))
     busy = [
-        here(endpoint)
+        loopback_endpoint(endpoint)
         for endpoint in listening
         if any(f.level != "ok" for f in examination.add("ports", endpoint, listening_on, endpoint))
     ]
@@ -134,7 +141,7 @@ def _network(examination: _Examination, where: Access, found: Namespace) -> None
     for endpoint in reached:
         one = replace(where, listen=(), connect=(endpoint,), mode="client")
         asking = (one, found.run, found.robot, s_max, ASKING_S_MAX)
-        examination.add("run", endpoint, parties, *asking, more_s=ASKING_S_MAX)
+        examination.add("run", endpoint, nodes, *asking, more_s=ASKING_S_MAX)
 
 
 def _identity(found: Namespace) -> Identity | None:
@@ -144,12 +151,12 @@ def _identity(found: Namespace) -> Identity | None:
     return identity(directory, robot if own else None)
 
 
-def within(s_max: float, look: Callable[[], list[Finding]]) -> list[Finding] | None:
+def with_timeout(s_max: float, look: Callable[[], list[CheckResult]]) -> list[CheckResult] | None:
     """What a function returns, or None if it has not returned after ``s_max`` seconds.
 
     It then goes on in its thread; whatever it raises is raised here.
     """
-    results: list[list[Finding]] = []
+    results: list[list[CheckResult]] = []
     errors: list[BaseException] = []
 
     def run() -> None:
@@ -175,8 +182,8 @@ def as_json(examination: _Examination) -> str:
 def as_lines(examination: _Examination) -> list[str]:
     """A line for each finding, and one below it that says what to do; then the verdict."""
     lines = []
-    for check, level, said, advice in examination.findings:
-        lines.append(f"{level:5}  {check}: {said}")
+    for check, level, message, advice in examination.findings:
+        lines.append(f"{level:5}  {check}: {message}")
         if advice:
             lines.append(f"       -> {advice}")
     wrong = sum(level == "wrong" for _, level, _, _ in examination.findings)

@@ -20,7 +20,7 @@ from typing import Literal, NamedTuple
 from encircle.protocol import VERSION
 
 MIB = 1024 * 1024
-PARTY_BYTES = 128 * MIB
+NODE_BYTES = 128 * MIB
 """A robot takes about 100 MiB, a world 85 MiB; more in a big team."""
 DISK_BYTES_MIN = 64 * MIB
 FILES_MIN = 256
@@ -34,7 +34,7 @@ _BOUND = re.compile(r"(>=|<=|==|<|>)\s*([0-9][0-9.]*)")
 Level = Literal["ok", "note", "wrong"]
 
 
-class Finding(NamedTuple):
+class CheckResult(NamedTuple):
     """One thing that was looked at. ``advice``: what to do about it; empty if there is no need."""
 
     check: str
@@ -43,7 +43,7 @@ class Finding(NamedTuple):
     advice: str = ""
 
 
-def machine(runs: Path, runs_named: bool) -> list[Finding]:
+def machine(runs: Path, runs_named: bool) -> list[CheckResult]:
     """Everything about this machine; ``runs_named``: the directory was asked for by name."""
     return [
         *packages(),
@@ -55,18 +55,20 @@ def machine(runs: Path, runs_named: bool) -> list[Finding]:
     ]
 
 
-def packages(of: str = "encircle") -> list[Finding]:
+def packages(of: str = "encircle") -> list[CheckResult]:
     """Python and what is installed, against what the program needs."""
     try:
         wanted, about = requires(of) or [], metadata(of)
     except PackageNotFoundError:
         advice = "install it into this environment: make setup, or pip install ."
-        return [Finding("versions", "wrong", f"{of} is not installed as a package", advice)]
-    found: list[Finding] = []
+        return [CheckResult("versions", "wrong", f"{of} is not installed as a package", advice)]
+    found: list[CheckResult] = []
     python = ".".join(map(str, sys.version_info[:3]))
     if not within_bounds(python, about["Requires-Python"] or ""):
         said = f"Python is {python}, needed is {about['Requires-Python']}"
-        found.append(Finding("versions", "wrong", said, "make an environment with a newer Python"))
+        found.append(
+            CheckResult("versions", "wrong", said, "make an environment with a newer Python")
+        )
     have = [f"Python {python}", f"{of} {version(of)}", f"wire version {VERSION}"]
     lacking: dict[str, list[str]] = {}
     for name, bounds, extra in map(_requirement, wanted):
@@ -78,7 +80,7 @@ def packages(of: str = "encircle") -> list[Finding]:
         if not within_bounds(there, bounds):
             said = f"{name} is {there}, needed is {bounds}"
             advice = f"pip install '{name}{bounds}'"
-            found.append(Finding("versions", "wrong" if not extra else "note", said, advice))
+            found.append(CheckResult("versions", "wrong" if not extra else "note", said, advice))
         elif not extra:
             have.append(f"{name} {there}")
     for extra, names in lacking.items():
@@ -89,8 +91,8 @@ def packages(of: str = "encircle") -> list[Finding]:
         else:
             level = "wrong"
         advice = f"pip install '{of}[{extra}]'" if extra else f"pip install {' '.join(names)}"
-        found.append(Finding("versions", level, said, advice))
-    return [Finding("versions", "ok", ", ".join(have)), *found]
+        found.append(CheckResult("versions", level, said, advice))
+    return [CheckResult("versions", "ok", ", ".join(have)), *found]
 
 
 def within_bounds(there: str, bounds: str) -> bool:
@@ -117,7 +119,9 @@ def _requirement(line: str) -> tuple[str, str, str]:
     return match[1], match[2].strip(), extra[1] if extra else ""
 
 
-def memory(groups: Path = Path("/sys/fs/cgroup"), meminfo: Path = Path("/proc/meminfo")) -> Finding:
+def memory(
+    groups: Path = Path("/sys/fs/cgroup"), meminfo: Path = Path("/proc/meminfo")
+) -> CheckResult:
     """Whether there is enough for one more party, by the container's limit or the machine's."""
     free, whose = _available_bytes(meminfo), "of this machine"
     for limit, used in (
@@ -130,12 +134,12 @@ def memory(groups: Path = Path("/sys/fs/cgroup"), meminfo: Path = Path("/proc/me
             if free is None or left < free:
                 free, whose = left, f"of the {most // MIB} MiB that this container may use"
     if free is None:
-        return Finding("memory", "note", "nothing says how much there is")
+        return CheckResult("memory", "note", "nothing says how much there is")
     said = f"{free // MIB} MiB {whose} are free"
-    if free < PARTY_BYTES:
+    if free < NODE_BYTES:
         advice = "raise the limit (mem_limit, docker run --memory) or end what else runs here"
-        return Finding("memory", "wrong", f"{said}, a robot needs {PARTY_BYTES // MIB}", advice)
-    return Finding("memory", "ok", said)
+        return CheckResult("memory", "wrong", f"{said}, a robot needs {NODE_BYTES // MIB}", advice)
+    return CheckResult("memory", "ok", said)
 
 
 def _available_bytes(meminfo: Path) -> int | None:
@@ -154,7 +158,7 @@ def _number_in(path: Path) -> int | None:
     return int(text) if text.isdigit() else None
 
 
-def cores_and_files(groups: Path = Path("/sys/fs/cgroup")) -> list[Finding]:
+def cores_and_files(groups: Path = Path("/sys/fs/cgroup")) -> list[CheckResult]:
     """How much of the processor there is, and how many files may be open."""
     cores = float(len(os.sched_getaffinity(0)))
     try:
@@ -162,19 +166,19 @@ def cores_and_files(groups: Path = Path("/sys/fs/cgroup")) -> list[Finding]:
         cores = min(cores, int(quota) / int(period))
     except (OSError, ValueError):
         pass  # no limit, or none that is shown here
-    found = [Finding("cores", "ok", f"{cores:g}")]
+    found = [CheckResult("cores", "ok", f"{cores:g}")]
     if cores < CORES_MIN:
         advice = "allow it more (cpus, docker run --cpus), or allow the run more time to answer"
-        found = [Finding("cores", "note", f"only {cores:g}: rounds will take long", advice)]
+        found = [CheckResult("cores", "note", f"only {cores:g}: rounds will take long", advice)]
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     if 0 <= files < FILES_MIN:
         said = f"only {files} files may be open, {FILES_MIN} are needed"
         advice = "raise the limit: ulimit -n, or ulimits in the compose file"
-        found.append(Finding("files", "wrong", said, advice))
+        found.append(CheckResult("files", "wrong", said, advice))
     return found
 
 
-def temporary_directory() -> Finding:
+def temporary_directory() -> CheckResult:
     """Whether there is one that can be written to: ``encircle run`` keeps the scenario there."""
     try:
         # It never has a name, so nothing is left however this ends.
@@ -184,11 +188,13 @@ def temporary_directory() -> Finding:
             where = tempfile.gettempdir()
     except OSError as error:
         advice = "mount one that is writable (tmpfs: /tmp in a compose file), or set TMPDIR"
-        return Finding("temporary files", "wrong", f"cannot be written: {error.strerror}", advice)
-    return Finding("temporary files", "ok", f"{where} can be written")
+        return CheckResult(
+            "temporary files", "wrong", f"cannot be written: {error.strerror}", advice
+        )
+    return CheckResult("temporary files", "ok", f"{where} can be written")
 
 
-def runs_directory(path: Path, named: bool) -> Finding:
+def runs_directory(path: Path, named: bool) -> CheckResult:
     """Whether runs can be recorded there: permission and room. It is not made if it is not there.
 
     ``named``: if it was not, a directory that cannot be used is only worth a note: a robot records
@@ -208,26 +214,26 @@ def runs_directory(path: Path, named: bool) -> Finding:
             "matters to a world alone: give its user the directory (ENCIRCLE_UID, ENCIRCLE_GID in"
             " containers), or another one by --runs"
         )
-        return Finding("recordings", level, f"{path} cannot be used: {error.strerror}", advice)
+        return CheckResult("recordings", level, f"{path} cannot be used: {error.strerror}", advice)
     if free < DISK_BYTES_MIN:
         said = f"{path}: only {free // MIB} MiB are free"
-        return Finding("recordings", level, said, "make room, or record elsewhere by --runs")
-    return Finding("recordings", "ok", f"{path} can be written, {free // MIB} MiB are free")
+        return CheckResult("recordings", level, said, "make room, or record elsewhere by --runs")
+    return CheckResult("recordings", "ok", f"{path} can be written, {free // MIB} MiB are free")
 
 
-def kept_clock() -> list[Finding]:
+def kept_clock() -> list[CheckResult]:
     """Whether the kernel knows that something keeps this machine's clock right."""
     synchronised = is_synchronised()
     if synchronised is None:
         return []
     if synchronised:
-        return [Finding("clock", "ok", "this machine's clock is kept by a time service")]
+        return [CheckResult("clock", "ok", "this machine's clock is kept by a time service")]
     said = "nothing keeps this machine's clock right, as far as its kernel knows"
     advice = (
         'matters to radio = "direct" on several hosts, and to certificates: run a time service,'
         " chrony for instance, on each host (a container has its host's clock)"
     )
-    return [Finding("clock", "note", said, advice)]
+    return [CheckResult("clock", "note", said, advice)]
 
 
 def is_synchronised() -> bool | None:

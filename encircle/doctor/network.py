@@ -12,9 +12,14 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from encircle.doctor.machine import Finding
+from encircle.doctor.machine import CheckResult
 from encircle.protocol.zenoh.configuration import warning
-from encircle.protocol.zenoh.endpoints import BY_HOST_AND_PORT, Access, AccessError, host_and_port
+from encircle.protocol.zenoh.endpoints import (
+    NETWORK_PROTOCOLS,
+    ConfigurationError,
+    Endpoints,
+    host_and_port,
+)
 
 DATAGRAMS = ("udp", "quic")
 PRIVILEGED_PORT_MAX = 1023
@@ -27,32 +32,34 @@ _LISTENING = "0A"
 KIND = "not of a kind that can be tried"
 
 
-def exposure(where: Access) -> list[Finding]:
+def exposure(where: Endpoints) -> list[CheckResult]:
     """Whether others can reach what listens, and nothing says who they are."""
     advice = "use certificates (docs/security.md), or let a firewall say who reaches the port"
     try:
-        said = warning(where)
-    except AccessError as error:
-        return [Finding("access", "wrong", str(error), advice)]
-    return [Finding("access", "note", said, advice)] if said is not None else []
+        message = warning(where)
+    except ConfigurationError as error:
+        return [CheckResult("access", "wrong", str(error), advice)]
+    return [CheckResult("access", "note", message, advice)] if message is not None else []
 
 
-def listening_on(endpoint: str) -> list[Finding]:
+def listening_on(endpoint: str) -> list[CheckResult]:
     """Whether a party could listen there now."""
     protocol = endpoint.partition("/")[0]
-    if protocol not in BY_HOST_AND_PORT:
-        return [Finding("ports", "note", f"{endpoint}: {KIND}", "try a session by encircle alive")]
+    if protocol not in NETWORK_PROTOCOLS:
+        return [
+            CheckResult("ports", "note", f"{endpoint}: {KIND}", "try a session by encircle alive")
+        ]
     host, port = host_and_port(endpoint)
     datagrams = protocol in DATAGRAMS
     error = can_bind(socket.SOCK_DGRAM if datagrams else socket.SOCK_STREAM, host, port)
     if error is None:
-        return [Finding("ports", "ok", f"{endpoint} is free to listen on")]
+        return [CheckResult("ports", "ok", f"{endpoint} is free to listen on")]
     if error.errno == errno.EADDRINUSE:
         who = None if datagrams else listener_on(port)
-        said = f"{endpoint} is in use by {who or 'a process that does not show'}"
+        message = f"{endpoint} is in use by {who or 'a process that does not show'}"
         advice = "well if that is the party in question; another needs another port"
         ours = who is not None and is_ours(who.partition(": ")[2].split())
-        return [Finding("ports", "note" if ours else "wrong", said, advice)]
+        return [CheckResult("ports", "note" if ours else "wrong", message, advice)]
     advice = "see which addresses this host has: ip address"
     if isinstance(error, socket.gaierror):
         advice = "use an address, or put the name into DNS or /etc/hosts"
@@ -60,32 +67,38 @@ def listening_on(endpoint: str) -> list[Finding]:
         advice = "this host has no such address; tcp/0.0.0.0:PORT is all that it has"
     elif error.errno == errno.EACCES and port <= PRIVILEGED_PORT_MAX:
         advice = f"ports up to {PRIVILEGED_PORT_MAX} are for root: take a higher one"
-    return [Finding("ports", "wrong", f"{endpoint} cannot be listened on: {_words(error)}", advice)]
+    return [
+        CheckResult("ports", "wrong", f"{endpoint} cannot be listened on: {_words(error)}", advice)
+    ]
 
 
-def connecting_to(endpoint: str, s_max: float) -> list[Finding]:
+def connecting_to(endpoint: str, s_max: float) -> list[CheckResult]:
     """Whether something answers there."""
     protocol, _, rest = endpoint.partition("/")
     if protocol == "unixsock-stream":
         there = Path(rest).is_socket()
         if there:
-            return [Finding("endpoints", "ok", f"{endpoint} is there")]
-        said = f"{endpoint}: there is no such socket"
-        return [Finding("endpoints", "wrong", said, "start the party that is to listen there")]
-    if protocol not in BY_HOST_AND_PORT:
+            return [CheckResult("endpoints", "ok", f"{endpoint} is there")]
+        message = f"{endpoint}: there is no such socket"
         return [
-            Finding("endpoints", "note", f"{endpoint}: {KIND}", "try a session by encircle alive")
+            CheckResult("endpoints", "wrong", message, "start the party that is to listen there")
+        ]
+    if protocol not in NETWORK_PROTOCOLS:
+        return [
+            CheckResult(
+                "endpoints", "note", f"{endpoint}: {KIND}", "try a session by encircle alive"
+            )
         ]
     host, port = host_and_port(endpoint)
     try:
         address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][4]
         if protocol in DATAGRAMS:
-            return [Finding("endpoints", "ok", f"{endpoint}: {host} is {address[0]}")]
+            return [CheckResult("endpoints", "ok", f"{endpoint}: {host} is {address[0]}")]
         socket.create_connection((host, port), timeout=s_max).close()
     except OSError as error:
-        said = f"{endpoint} cannot be reached: {_words(error)}"
-        return [Finding("endpoints", "wrong", said, _advice(error, host))]
-    return [Finding("endpoints", "ok", f"{endpoint} answers")]
+        message = f"{endpoint} cannot be reached: {_words(error)}"
+        return [CheckResult("endpoints", "wrong", message, _advice(error, host))]
+    return [CheckResult("endpoints", "ok", f"{endpoint} answers")]
 
 
 def _advice(error: OSError, host: str) -> str:

@@ -22,7 +22,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from encircle.protocol.messages import Point
-from encircle.runlog.ground_truth import Floats, Tracks
+from encircle.runlog.ground_truth import Floats, GroundTruth
 
 NAMED_MAX = 8
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -68,11 +68,11 @@ STYLE: dict[Any, Any] = {
 
 
 def panels_figure(
-    tracks: Tracks, row: int, across: int, handles: Sequence[Artist]
+    ground_truth: GroundTruth, row: int, across: int, handles: Sequence[Artist]
 ) -> tuple[Figure, list[Axes]]:
     """A figure of ``across`` squared panels that show everything up to a row, legend below."""
-    shown = tracks.positions[: row + 1].reshape(-1, 2)
-    fixed = [(*o.position, o.radius_m) for o in tracks.scenario.obstacles]
+    shown = ground_truth.positions[: row + 1].reshape(-1, 2)
+    fixed = [(*o.position, o.radius_m) for o in ground_truth.scenario.obstacles]
     corners = [(x + side * r, y + side * r) for x, y, r in fixed for side in (-1.0, 1.0)]
     everything = np.vstack([shown, *corners])
     low, high = everything.min(axis=0) - MARGIN_M, everything.max(axis=0) + MARGIN_M
@@ -84,35 +84,35 @@ def panels_figure(
     figure = Figure(figsize=(WIDTH_IN, tall), dpi=DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(across, across, sharex=True, sharey=True, squeeze=False)
     for axes in panels.flat:
-        set_ground(axes, tracks, low, high)
+        set_ground(axes, ground_truth, low, high)
     figure.legend(handles=handles, loc="outside lower center", ncols=columns)
     return figure, list(panels.flat)
 
 
-def set_ground(axes: Axes, tracks: Tracks, low: Floats, high: Floats) -> None:
+def set_ground(axes: Axes, ground_truth: GroundTruth, low: Floats, high: Floats) -> None:
     """The part of the plane from ``low`` to ``high`` (2,) in m, to one scale, with obstacles."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.locator_params(nbins=6, steps=[1, 2, 5, 10])
     axes.minorticks_on()
-    for obstacle in tracks.scenario.obstacles:
+    for obstacle in ground_truth.scenario.obstacles:
         axes.add_patch(Circle(obstacle.position, obstacle.radius_m, **OBSTACLE_FILL))
 
 
-def body_handles(tracks: Tracks) -> list[Artist]:
+def body_handles(ground_truth: GroundTruth) -> list[Artist]:
     """Legend entries of robots, target and obstacles; a large team has one for all."""
-    count = len(tracks.arena.ids)
+    count = len(ground_truth.arena.ids)
     target = Line2D([], [], **TARGET_LINE, marker="*", ms=8, mfc="white", label="target")
     handles: list[Artist] = [
         Line2D([], [], **_look(k, count), marker=_marker(k), mfc="white", ms=5, label=robot)
-        for k, robot in enumerate(tracks.arena.ids[: count if count <= NAMED_MAX else 1])
+        for k, robot in enumerate(ground_truth.arena.ids[: count if count <= NAMED_MAX else 1])
     ]
     if count > NAMED_MAX:
         handles[0].set_label(f"{count} robots")
-    if tracks.scenario.obstacles:
+    if ground_truth.scenario.obstacles:
         handles.append(Patch(**OBSTACLE_FILL, label="obstacle"))
     handles.append(target)
-    if tracks.moved_by_hand:
+    if ground_truth.moved_by_hand:
         handles.append(
             Line2D([], [], **HAND_LINE, marker=">", ms=4, markevery=(1, 1), label="moved by hand")
         )
@@ -137,10 +137,10 @@ def _second(robot: int) -> int:
 
 
 def draw_trails(
-    axes: Axes, tracks: Tracks, row: int, marked: NDArray[np.bool_] | None = None
+    axes: Axes, ground_truth: GroundTruth, row: int, marked: NDArray[np.bool_] | None = None
 ) -> None:
     """Where everyone has been up to a row, starts hollow; ``marked``: (T,) which rows get a dot."""
-    count = len(tracks.arena.ids)
+    count = len(ground_truth.arena.ids)
     start: dict[str, Any] = {
         "mfc": "white",
         "ms": 5.0 if count <= NAMED_MAX else 3.0,
@@ -148,46 +148,54 @@ def draw_trails(
         "zorder": 3,
     }
     for k in range(count):
-        look, places = _look(k, count), tracks.positions[: row + 1, k]
+        look, places = _look(k, count), ground_truth.positions[: row + 1, k]
         axes.plot(*places.T, **look, zorder=2)
         if row > 0:
             axes.plot(*places[0], marker=_marker(k), color=look["color"], **start)
-    cuts = [c for c in (tracks.row(t) for t in tracks.moved_by_hand) if c <= row]
-    for part in np.split(tracks.target[: row + 1], cuts):
+    cuts = [c for c in (ground_truth.row(t) for t in ground_truth.moved_by_hand) if c <= row]
+    for part in np.split(ground_truth.target[: row + 1], cuts):
         axes.plot(*part.T, **TARGET_LINE, zorder=2)
     for cut in cuts:
         arrow = {**HAND_LINE, "arrowstyle": "->", "shrinkA": 0, "shrinkB": 4}
-        axes.annotate("", tracks.target[cut], tracks.target[cut - 1], arrowprops=arrow, zorder=4)
+        axes.annotate(
+            "", ground_truth.target[cut], ground_truth.target[cut - 1], arrowprops=arrow, zorder=4
+        )
     if row > 0:
-        axes.plot(*tracks.target[0], marker="*", color="black", **{**start, "ms": 8.0})
+        axes.plot(*ground_truth.target[0], marker="*", color="black", **{**start, "ms": 8.0})
     if marked is not None:
-        axes.plot(*tracks.positions[marked].reshape(-1, 2).T, **TIME_MARK, zorder=3)
+        axes.plot(*ground_truth.positions[marked].reshape(-1, 2).T, **TIME_MARK, zorder=3)
 
 
-def draw_bodies(axes: Axes, tracks: Tracks, row: int, filled: Sequence[str] = ()) -> None:
+def draw_bodies(
+    axes: Axes, ground_truth: GroundTruth, row: int, filled: Sequence[str] = ()
+) -> None:
     """Bodies at a row as discs to scale, under the trails; D_stop about the target.
 
     ``filled``: robots whose discs are not white.
     """
-    scenario, target = tracks.scenario, tracks.target[row]
-    for k, (robot, place) in enumerate(zip(tracks.arena.ids, tracks.robots[row], strict=True)):
+    scenario, target = ground_truth.scenario, ground_truth.target[row]
+    for k, (robot, position) in enumerate(
+        zip(ground_truth.arena.ids, ground_truth.robots[row], strict=True)
+    ):
         fill = CAPTOR_FILL["facecolor"] if robot in filled else "white"
         look = {"fc": fill, "ec": COLOURS[k % len(COLOURS)], "lw": 1.2, "zorder": 1.5}
-        axes.add_patch(Circle(place, scenario.team.radius_m, **look))
+        axes.add_patch(Circle(position, scenario.team.radius_m, **look))
         inside = scenario.team.radius_m * points_per_m(axes) >= NUMBER_PT_MIN
-        if inside or len(tracks.arena.ids) <= NAMED_MAX:
-            _draw_number(axes, place, k + 1, place - target, scenario.team.radius_m)
+        if inside or len(ground_truth.arena.ids) <= NAMED_MAX:
+            _draw_number(axes, position, k + 1, position - target, scenario.team.radius_m)
     axes.add_patch(Circle(target, scenario.target.radius_m, fc="0.6", ec="black", zorder=1.5))
     axes.add_patch(Circle(target, scenario.capture.stop_distance_m, fill=False, **STOP_LINE))
 
 
-def _draw_number(axes: Axes, place: Floats, number: int, outward: Floats, radius_m: float) -> None:
+def _draw_number(
+    axes: Axes, position: Floats, number: int, outward: Floats, radius_m: float
+) -> None:
     """A robot's number in its disc, or beside a small disc, away from the crowd at the target."""
     radius_pt = radius_m * points_per_m(axes)
     inside = radius_pt >= NUMBER_PT_MIN
     aside = (radius_pt + 5.0) * outward / max(float(np.hypot(*outward)), 1e-9)
     at = (0.0, 0.0) if inside else aside.tolist()
-    note(axes, f"{number}", place.tolist(), at, 7.5 if inside else 7.0)
+    note(axes, f"{number}", position.tolist(), at, 7.5 if inside else 7.0)
 
 
 def points_per_m(axes: Axes) -> float:
@@ -197,20 +205,22 @@ def points_per_m(axes: Axes) -> float:
     return float(72.0 * pixels / axes.figure.dpi)
 
 
-def draw_start_labels(axes: Axes, tracks: Tracks) -> None:
+def draw_start_labels(axes: Axes, ground_truth: GroundTruth) -> None:
     """S1.. and ST beside the starts, on the side that the trail does not leave by."""
-    names = [*(f"{k + 1}" for k in range(len(tracks.arena.ids))), "T"]
-    left = tracks.positions[tracks.row(LABEL_TICKS)] - tracks.positions[0]
-    for name, place, (dx, dy) in zip(names, tracks.positions[0].tolist(), left, strict=True):
+    names = [*(f"{k + 1}" for k in range(len(ground_truth.arena.ids))), "T"]
+    left = ground_truth.positions[ground_truth.row(LABEL_TICKS)] - ground_truth.positions[0]
+    for name, position, (dx, dy) in zip(
+        names, ground_truth.positions[0].tolist(), left, strict=True
+    ):
         far = max(float(np.hypot(dx, dy)), 1e-9)
         offset = (-LABEL_PT * float(dx) / far, -LABEL_PT * float(dy) / far)
-        note(axes, f"$S_{{{name}}}$", place, offset, 9.0)
+        note(axes, f"$S_{{{name}}}$", position, offset, 9.0)
 
 
 def note(
     axes: Axes,
     text: str,
-    place: Point,
+    position: Point,
     offset_pt: tuple[float, float],
     size_pt: float,
     colour: str = "black",
@@ -218,7 +228,7 @@ def note(
     """A short text at an offset from a place in data units, legible on whatever is under it."""
     axes.annotate(
         text,
-        place,
+        position,
         offset_pt,
         textcoords="offset points",
         ha="center",
@@ -240,9 +250,11 @@ def save(figure: Figure, path: Path) -> Path:
     return path
 
 
-def draw_sensing(axes: Axes, tracks: Tracks, row: int) -> None:
+def draw_sensing(axes: Axes, ground_truth: GroundTruth, row: int) -> None:
     """Sensing ranges at a row: the robots' filled, the target's as an outline."""
-    for place in tracks.robots[row].tolist():
-        axes.add_patch(Circle(place, tracks.scenario.team.sensing_range_m, **SIGHT_FILL, zorder=0))
-    reach_m = tracks.scenario.target.sensing_range_m
-    axes.add_patch(Circle(tracks.target[row], reach_m, fill=False, **SIGHT_LINE, zorder=1))
+    for position in ground_truth.robots[row].tolist():
+        axes.add_patch(
+            Circle(position, ground_truth.scenario.team.sensing_range_m, **SIGHT_FILL, zorder=0)
+        )
+    reach_m = ground_truth.scenario.target.sensing_range_m
+    axes.add_patch(Circle(ground_truth.target[row], reach_m, fill=False, **SIGHT_LINE, zorder=1))

@@ -37,7 +37,7 @@ from encircle.figures.drawing import (
 from encircle.figures.trajectories import paths_figure
 from encircle.protocol.parameters import Parameters
 from encircle.protocol.process.log import printable
-from encircle.runlog.ground_truth import Floats, commands_at, ring_centre, tracks_of
+from encircle.runlog.ground_truth import Floats, commands_at, ground_truth_of, ring_centre
 from encircle.world.recording.recording import Recording, read_recording
 
 
@@ -59,14 +59,16 @@ class TimeCurve:
 
 def draw_run(directory: Path, path: Path) -> Path:
     """Draw the trajectories of a recorded run, finished or not, as a PNG; returns its path."""
-    tracks = tracks_of(read_recording(directory))
-    title = "\n".join(map(printable, filter(None, (tracks.scenario.title, tracks.outcome))))
-    return save(paths_figure(tracks, title, labelled=False), path)
+    ground_truth = ground_truth_of(read_recording(directory))
+    title = "\n".join(
+        map(printable, filter(None, (ground_truth.scenario.title, ground_truth.outcome)))
+    )
+    return save(paths_figure(ground_truth, title, labelled=False), path)
 
 
 def draw_trajectories(recording: Recording, path: Path) -> Path:
     """Trajectories in the manner of the paper's Figs. 4 and 6, starts labelled S1.. and ST."""
-    return save(paths_figure(tracks_of(recording), "", labelled=True), path)
+    return save(paths_figure(ground_truth_of(recording), "", labelled=True), path)
 
 
 def draw_snapshots(
@@ -74,26 +76,26 @@ def draw_snapshots(
 ) -> Path:
     """Four snapshots in the manner of the paper's Figs. 3 and 5, trails up to each tick."""
     assert len(ticks) == 4, f"four ticks fill the panels, not {len(ticks)}"
-    tracks = tracks_of(recording)
-    rho = Parameters.from_mapping(tracks.scenario.parameters).ring_radius_m
+    ground_truth = ground_truth_of(recording)
+    rho = Parameters.from_mapping(ground_truth.scenario.parameters).ring_radius_m
     handles = [
-        *body_handles(tracks),
+        *body_handles(ground_truth),
         Line2D([], [], **RING_LINE, label="ring of encirclement"),
         Line2D([], [], **STOP_LINE, label="$D_{stop}$ about the target"),
         Patch(**SIGHT_FILL, label="robots' sensing range"),
         Line2D([], [], **SIGHT_LINE, label="target's sensing range"),
     ]
     with matplotlib.rc_context(STYLE):
-        figure, panels = panels_figure(tracks, tracks.row(max(ticks)), 2, handles)
-        for letter, tick, told, axes in zip("abcd", ticks, captions, panels, strict=True):
-            row = tracks.row(tick)
-            draw_sensing(axes, tracks, row)
-            draw_trails(axes, tracks, row)
-            draw_bodies(axes, tracks, row)
+        figure, panels = panels_figure(ground_truth, ground_truth.row(max(ticks)), 2, handles)
+        for letter, tick, caption, axes in zip("abcd", ticks, captions, panels, strict=True):
+            row = ground_truth.row(tick)
+            draw_sensing(axes, ground_truth, row)
+            draw_trails(axes, ground_truth, row)
+            draw_bodies(axes, ground_truth, row)
             centre = ring_centre(commands_at(recording, tick), rho)
             if centre is not None:
                 axes.add_patch(Circle(centre, rho, fill=False, **RING_LINE))
-            axes.set_title(f"({letter}) tick {tick}" + (f": {told}" if told else ""))
+            axes.set_title(f"({letter}) tick {tick}" + (f": {caption}" if caption else ""))
             axes.label_outer()
         return save(figure, path)
 
@@ -109,13 +111,13 @@ def draw_execution_times(table: Sequence[TimeCurve], path: Path) -> Path:
         figure = Figure(figsize=(WIDTH_IN, 5.4), dpi=DOTS_PER_INCH, layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True)
         spacing = float(np.diff(table[0].x_m).min()) if len(table[0].x_m) > 1 else 1.0
-        for place, curve in enumerate(table):
+        for index, curve in enumerate(table):
             # Side by side around each x, so that bars do not hide one another.
-            x = np.array(curve.x_m) + 0.12 * spacing * (place - (len(table) - 1) / 2)
+            x = np.array(curve.x_m) + 0.12 * spacing * (index - (len(table) - 1) / 2)
             look: dict[str, Any] = {
-                "color": COLOURS[place],
-                "ls": LINES[place],
-                "marker": MARKERS[place],
+                "color": COLOURS[index],
+                "ls": LINES[index],
+                "marker": MARKERS[index],
                 "label": curve.label,
             }
             typical, low, high = curve.typical.T
@@ -124,7 +126,7 @@ def draw_execution_times(table: Sequence[TimeCurve], path: Path) -> Path:
             below.plot(x, curve.mean[:, 0], **look, ms=4, lw=0.9)
             for at, mean, missed in zip(x, curve.mean[:, 0], curve.missed, strict=True):
                 if missed:
-                    note(below, f"{missed}", (at, mean), (0.0, 5.0), 7.0, COLOURS[place])
+                    note(below, f"{missed}", (at, mean), (0.0, 5.0), 7.0, COLOURS[index])
         above.set_title("(a) mean of the middle half of the runs, with 95 % intervals")
         highest = max(float(curve.mean[:, 2].max()) for curve in table)
         below.set_title(

@@ -98,10 +98,10 @@ def covers(box: Box, ink: Floats) -> int:
 
 def along(lines: Sequence[Floats], step: float) -> Floats:
     """Points along polylines, ``step`` apart or less."""
-    found = [np.zeros((0, 2))]
+    points = [np.zeros((0, 2))]
     for line in lines:
-        found.append(line[:1])
+        points.append(line[:1])
         for a, b in pairwise(line):
             count = int(np.ceil(np.hypot(*(b - a)) / step))
-            found.append(a + (b - a) * np.linspace(0.0, 1.0, count + 1)[1:, None])
-    return np.concatenate(found)
+            points.append(a + (b - a) * np.linspace(0.0, 1.0, count + 1)[1:, None])
+    return np.concatenate(points)

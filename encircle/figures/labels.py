@@ -33,7 +33,7 @@ class Label(NamedTuple):
     """A short text beside a place (2,) in data units."""
 
     text: str
-    place: Floats
+    position: Floats
     colour: str
 
 
@@ -41,11 +41,11 @@ def add_labels(axes: Axes, labels: Iterable[Label]) -> None:
     """Put labels beside their places, those that matter most first; without room, none."""
     page = page_of(axes)
     for label in labels:
-        x, y = to_points(axes, label.place).tolist()
+        x, y = to_points(axes, label.position).tolist()
         box = page.put((x, y), _size(label.text, LABEL_PT), GAP_PT)
         if box is not None:
             offset = ((box[0] + box[2]) / 2.0 - x, (box[1] + box[3]) / 2.0 - y)
-            note(axes, label.text, label.place.tolist(), offset, LABEL_PT, label.colour)
+            note(axes, label.text, label.position.tolist(), offset, LABEL_PT, label.colour)
 
 
 def add_legend(figure: Figure, axes: Axes, handles: Sequence[Artist]) -> None:
@@ -101,7 +101,7 @@ def page_of(axes: Axes) -> Page:
         size = line.get_markersize()
         if line.get_marker() != "None" and size >= MARKER_PT_MIN:
             marked = places if line.get_markevery() is None else places[:1]
-            page.taken.extend(_box(place, (size, size)) for place in marked)
+            page.taken.extend(_box(position, (size, size)) for position in marked)
     for text in axes.texts:
         assert isinstance(text, Annotation)
         centre = to_points(axes, np.array(text.xy)) + text.get_position()
@@ -121,8 +121,8 @@ def _in_points(axes: Axes, box: BboxBase) -> Box:
 
 def to_points(axes: Axes, places: Floats) -> Floats:
     """Places in data units, (2,) or (M, 2), as points on the figure."""
-    found: Floats = axes.transData.transform(places) * POINTS_PER_IN / axes.figure.dpi
-    return found
+    points: Floats = axes.transData.transform(places) * POINTS_PER_IN / axes.figure.dpi
+    return points
 
 
 def _box(centre: Floats, size: tuple[float, float]) -> Box:

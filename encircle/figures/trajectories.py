@@ -33,7 +33,7 @@ from encircle.figures.drawing import (
     set_ground,
 )
 from encircle.figures.labels import Label, add_labels, add_legend
-from encircle.runlog.ground_truth import Floats, Tracks, spans
+from encircle.runlog.ground_truth import Floats, GroundTruth, spans
 
 AXES_IN = (5.6, 6.4)
 """Width and height that the axes have at most."""
@@ -47,23 +47,28 @@ TIME_MARKS_MAX, TIMES_MAX = 6, 60
 ROUND = (1, 2, 5)
 
 
-def paths_figure(tracks: Tracks, title: str, labelled: bool) -> Figure:
+def paths_figure(ground_truth: GroundTruth, title: str, labelled: bool) -> Figure:
     """All trails with starts and final bodies; starts ``labelled`` S1.. and ST or not."""
-    row, every = len(tracks.ticks) - 1, time_step(tracks.last_tick, len(tracks.arena.ids))
-    marked = (tracks.ticks > 0) & (tracks.ticks % every == 0)
-    captors = tracks.captors if len(tracks.captors) < len(tracks.arena.ids) else ()
+    row, every = (
+        len(ground_truth.ticks) - 1,
+        time_step(ground_truth.last_tick, len(ground_truth.arena.ids)),
+    )
+    marked = (ground_truth.ticks > 0) & (ground_truth.ticks % every == 0)
+    captors = (
+        ground_truth.captors if len(ground_truth.captors) < len(ground_truth.arena.ids) else ()
+    )
     with matplotlib.rc_context(STYLE):
-        figure, axes = _ground(tracks, title)
-        for flags, look in ((tracks.silent, SILENT_LINE), (tracks.lost, LOST_LINE)):
+        figure, axes = _ground(ground_truth, title)
+        for flags, look in ((ground_truth.silent, SILENT_LINE), (ground_truth.lost, LOST_LINE)):
             for robot, first, after in _stretches(flags):
-                part = tracks.robots[first : after + 1, robot]
+                part = ground_truth.robots[first : after + 1, robot]
                 axes.plot(*part.T, **look, markevery=len(part), zorder=1.8)
-        draw_trails(axes, tracks, row, marked)
-        draw_bodies(axes, tracks, row, captors)
+        draw_trails(axes, ground_truth, row, marked)
+        draw_bodies(axes, ground_truth, row, captors)
         if labelled:
-            draw_start_labels(axes, tracks)
-        add_legend(figure, axes, _handles(tracks, every if marked.any() else 0, captors))
-        add_labels(axes, [*_absences(tracks), *_times(tracks, marked)])
+            draw_start_labels(axes, ground_truth)
+        add_legend(figure, axes, _handles(ground_truth, every if marked.any() else 0, captors))
+        add_labels(axes, [*_absences(ground_truth), *_times(ground_truth, marked)])
     return figure
 
 
@@ -74,49 +79,51 @@ def time_step(last_tick: int, robots: int) -> int:
     return next(step for step in steps if last_tick // step <= most)
 
 
-def _ground(tracks: Tracks, title: str) -> tuple[Figure, Axes]:
+def _ground(ground_truth: GroundTruth, title: str) -> tuple[Figure, Axes]:
     """A figure with axes that are as large as what happened, and the title over them."""
-    low, high = _extent(tracks)
+    low, high = _extent(ground_truth)
     width, height = ((high - low) * min(AXES_IN / (high - low))).tolist()
     across = max(LEFT_IN + width + RIGHT_IN, WIDTH_IN_MIN)
     letters = int(LETTERS_PER_IN * (across - LEFT_IN))
     lines = [fill(line, letters) for line in title.splitlines()]
-    told = "\n".join(lines)
-    up = BOTTOM_IN + height + TOP_IN + LINE_IN * len(told.splitlines())
+    text = "\n".join(lines)
+    up = BOTTOM_IN + height + TOP_IN + LINE_IN * len(text.splitlines())
     figure = Figure(figsize=(across, up), dpi=DOTS_PER_INCH)
     axes = figure.add_axes((LEFT_IN / across, BOTTOM_IN / up, width / across, height / up))
-    set_ground(axes, tracks, low, high)
-    axes.set_title(told, loc="left", parse_math=False)
+    set_ground(axes, ground_truth, low, high)
+    axes.set_title(text, loc="left", parse_math=False)
     return figure, axes
 
 
-def _extent(tracks: Tracks) -> tuple[Floats, Floats]:
+def _extent(ground_truth: GroundTruth) -> tuple[Floats, Floats]:
     """The corners of what is to be seen, in m: trails, bodies at the end, obstacles; (2,) each."""
-    team, target = tracks.scenario.team, tracks.scenario.target
-    stop_m = max(tracks.scenario.capture.stop_distance_m, target.radius_m)
-    discs = [(place, team.radius_m) for place in tracks.robots[-1].tolist()]
-    discs += [(tracks.target[-1].tolist(), stop_m)]
-    discs += [(obstacle.position, obstacle.radius_m) for obstacle in tracks.scenario.obstacles]
+    team, target = ground_truth.scenario.team, ground_truth.scenario.target
+    stop_m = max(ground_truth.scenario.capture.stop_distance_m, target.radius_m)
+    discs = [(position, team.radius_m) for position in ground_truth.robots[-1].tolist()]
+    discs += [(ground_truth.target[-1].tolist(), stop_m)]
+    discs += [
+        (obstacle.position, obstacle.radius_m) for obstacle in ground_truth.scenario.obstacles
+    ]
     centres, radii = np.array([d[0] for d in discs]), np.array([[d[1]] for d in discs])
-    shown = np.vstack([tracks.positions.reshape(-1, 2), centres - radii, centres + radii])
+    shown = np.vstack([ground_truth.positions.reshape(-1, 2), centres - radii, centres + radii])
     low, high = shown.min(axis=0), shown.max(axis=0)
     spread = np.maximum(high - low, (high - low).max() / ASPECT_MAX)
     middle, half = (low + high) / 2.0, spread / 2.0 + MARGIN_SHARE * spread.max()
     return middle - half, middle + half
 
 
-def _handles(tracks: Tracks, every: int, captors: tuple[str, ...]) -> list[Artist]:
+def _handles(ground_truth: GroundTruth, every: int, captors: tuple[str, ...]) -> list[Artist]:
     """The legend's entries: bodies, and of the rest what there is; ``every``: 0 without times."""
-    handles = body_handles(tracks)
+    handles = body_handles(ground_truth)
     handles.append(Line2D([], [], **STOP_LINE, label="$D_{stop}$ about the target"))
     if captors:
         handles.append(Patch(**CAPTOR_FILL, label="captured it"))
     if every:
-        told = f"every {every} ticks" if every > 1 else "every tick"
-        handles.append(Line2D([], [], **TIME_MARK, label=f"{told}, numbered"))
+        text = f"every {every} ticks" if every > 1 else "every tick"
+        handles.append(Line2D([], [], **TIME_MARK, label=f"{text}, numbered"))
     for flags, look, label in (
-        (tracks.silent, SILENT_LINE, "radio off"),
-        (tracks.lost, LOST_LINE, "lost"),
+        (ground_truth.silent, SILENT_LINE, "radio off"),
+        (ground_truth.lost, LOST_LINE, "lost"),
     ):
         if flags.any():
             handles.append(Line2D([], [], **look, label=label))
@@ -130,20 +137,25 @@ def _stretches(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int, int]]:
             yield robot, first, after
 
 
-def _absences(tracks: Tracks) -> Iterator[Label]:
+def _absences(ground_truth: GroundTruth) -> Iterator[Label]:
     """When silences and losses began and ended, by tick."""
-    for flags, begun, ended in ((tracks.silent, "off", "on"), (tracks.lost, "lost", "back")):
+    for flags, begun, ended in (
+        (ground_truth.silent, "off", "on"),
+        (ground_truth.lost, "lost", "back"),
+    ):
         for robot, first, after in _stretches(flags):
-            ends = [(begun, first), *([(ended, after)] if after < len(tracks.ticks) else [])]
+            ends = [(begun, first), *([(ended, after)] if after < len(ground_truth.ticks) else [])]
             for word, row in ends:
-                place = tracks.robots[row, robot]
-                yield Label(f"{word} {tracks.ticks[row]}", place, COLOURS[robot % len(COLOURS)])
+                position = ground_truth.robots[row, robot]
+                yield Label(
+                    f"{word} {ground_truth.ticks[row]}", position, COLOURS[robot % len(COLOURS)]
+                )
 
 
-def _times(tracks: Tracks, marked: NDArray[np.bool_]) -> Iterator[Label]:
+def _times(ground_truth: GroundTruth, marked: NDArray[np.bool_]) -> Iterator[Label]:
     """The ticks of the marks, the target's first."""
-    count = len(tracks.arena.ids)
+    count = len(ground_truth.arena.ids)
     for body in (count, *range(count)):
         colour = COLOURS[body % len(COLOURS)] if body < count else "black"
         for row in np.flatnonzero(marked):
-            yield Label(f"{tracks.ticks[row]}", tracks.positions[row, body], colour)
+            yield Label(f"{ground_truth.ticks[row]}", ground_truth.positions[row, body], colour)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from encircle.measures.common import (
+    cached_per_log,
     links,
     links_there,
     mean_or_nan,
-    once,
     percentile_or_nan,
     rms_or_nan,
 )
@@ -29,7 +29,7 @@ NEES_BAND = tuple(
 """Quantiles of chi-square with ``STATES`` degrees of freedom that hold ``BAND_SHARE`` of it."""
 
 
-@once
+@cached_per_log
 def peer_errors_m(log: RunLog) -> Floats:
     """(P,) distance between where a robot takes a peer of its team to be and where that is."""
     off = log.believed - log.robots[: log.ticks, None]
@@ -58,7 +58,7 @@ def peer_missing_share(log: RunLog) -> float:
     return 1.0 - len(peer_errors_m(log)) / possible if possible else NAN
 
 
-@once
+@cached_per_log
 def _errors(log: RunLog) -> Floats:
     """(T, N, 2) estimated less true position of the target in m, NaN without an estimate."""
     return np.asarray(log.estimates[..., :2] - log.target[: log.ticks, None])
@@ -76,7 +76,7 @@ def estimate_missing_share(log: RunLog) -> float:
     return mean_or_nan(np.isnan(log.estimates[..., 0])[log.there])
 
 
-@once
+@cached_per_log
 def target_velocity_mps(log: RunLog) -> Floats:
     """(T, 2) displacement of the target since the tick before, per second.
 
@@ -88,7 +88,7 @@ def target_velocity_mps(log: RunLog) -> Floats:
     return velocity
 
 
-@once
+@cached_per_log
 def nees(log: RunLog) -> Floats:
     """(E,) normalised estimation error squared of each robot at each tick with an estimate."""
     position = _errors(log)

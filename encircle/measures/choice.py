@@ -16,24 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from encircle.agents.planning.assignment import whole_microns
-from encircle.measures.common import mean_or_nan, once, pairs
+from encircle.agents.planning.assignment import whole_quanta
+from encircle.measures.common import cached_per_log, mean_or_nan, pairs
 from encircle.runlog.runlog import Floats, RunLog
 
 
-@once
+@cached_per_log
 def encircling(log: RunLog) -> NDArray[np.bool_]:
     """(T, N) whether a robot encircles."""
     return np.asarray((log.points >= 0) & ~np.isnan(log.goals[..., 0]))
 
 
-@once
+@cached_per_log
 def several(log: RunLog) -> NDArray[np.bool_]:
     """(T,) whether two or more robots encircle."""
     return np.asarray(encircling(log).sum(axis=1) >= 2)
 
 
-@once
+@cached_per_log
 def conflicts(log: RunLog) -> NDArray[np.int64]:
     """(S,) pairs of robots that hold one point, at each tick with two or more encircling.
 
@@ -56,7 +56,7 @@ def conflict_pairs_mean(log: RunLog) -> float:
     return mean_or_nan(conflicts(log))
 
 
-@once
+@cached_per_log
 def switched(log: RunLog) -> NDArray[np.bool_]:
     """(W,) whether a robot changed its point, wherever it encircles at two ticks in a row.
 
@@ -82,7 +82,7 @@ def switch_share(log: RunLog) -> float:
     return mean_or_nan(switched(log))
 
 
-@once
+@cached_per_log
 def xi_spreads(log: RunLog) -> Floats:
     """(S,) largest less smallest xi, at each tick at which two or more have chosen one."""
     choosing = encircling(log) & ~np.isnan(log.xi)
@@ -102,7 +102,7 @@ def xi_spread_ticks_mean(log: RunLog) -> float:
     return mean_or_nan(xi_spreads(log))
 
 
-@once
+@cached_per_log
 def regrets_m(log: RunLog) -> Floats:
     """(R,) regret at each tick at which all robots encircle."""
     rows = np.flatnonzero(encircling(log).all(axis=1))
@@ -134,7 +134,7 @@ def _completed(costs: Floats, claims: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.asarray(linear_sum_assignment(np.where(allowed, costs, np.inf))[1])
 
 
-@once
+@cached_per_log
 def true_rings(log: RunLog) -> Floats:
     """(T, N, 2) the ring of Eq. 1 about the target at xi = 0, all from the truth.
 
@@ -142,7 +142,7 @@ def true_rings(log: RunLog) -> Floats:
     """
     centres = log.target[: log.ticks]
     rays = log.robots[: log.ticks] - centres[:, None]
-    farthest = whole_microns(np.sqrt((rays * rays).sum(axis=2))).argmax(axis=1)[:, None]
+    farthest = whole_quanta(np.sqrt((rays * rays).sum(axis=2))).argmax(axis=1)[:, None]
     ray = np.take_along_axis(rays, farthest[..., None], axis=1)[:, 0]
     bearing = np.arctan2(ray[:, 1], ray[:, 0])[:, None]
     bearings = bearing + 2.0 * np.pi * np.arange(log.count) / log.count

@@ -16,18 +16,18 @@ from encircle.runlog.runlog import NAN, Floats, Integers, RunLog
 A = TypeVar("A")
 
 
-def once(function: Callable[[RunLog], A]) -> Callable[[RunLog], A]:
+def cached_per_log(function: Callable[[RunLog], A]) -> Callable[[RunLog], A]:
     """Let a function of a log work only once per log; what it returns must not be changed."""
     name = f"{function.__module__}.{function.__name__}"
 
     @wraps(function)
-    def kept(log: RunLog) -> A:
-        if name not in log.worked_out:
-            log.worked_out[name] = function(log)
-        found: A = log.worked_out[name]
-        return found
+    def from_cache(log: RunLog) -> A:
+        if name not in log.cached_results:
+            log.cached_results[name] = function(log)
+        cached: A = log.cached_results[name]
+        return cached
 
-    return kept
+    return from_cache
 
 
 def mean_or_nan(values: Floats | Integers | NDArray[np.bool_]) -> float:
@@ -51,7 +51,7 @@ def links(count: int) -> NDArray[np.bool_]:
     return ~np.eye(count, dtype=bool)
 
 
-@once
+@cached_per_log
 def links_there(log: RunLog) -> NDArray[np.bool_]:
     """(T, N (N - 1)) whether both ends of each directed link took part in each round."""
     both = log.there[:, :, None] & log.there[:, None, :]

@@ -9,7 +9,7 @@ without passing between two of them.
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.measures.common import mean_or_nan, once, pairs
+from encircle.measures.common import cached_per_log, mean_or_nan, pairs
 from encircle.runlog.runlog import NAN, Floats, RunLog
 from encircle.world.arena.capture import encloses
 
@@ -29,7 +29,7 @@ def capture_s(log: RunLog) -> float:
     return capture_tick(log) * log.scenario.tick_s
 
 
-@once
+@cached_per_log
 def _hunting(log: RunLog) -> NDArray[np.bool_]:
     """(T + 1, N) which robots take part at a tick; at the last, those of the round before."""
     if not log.ticks:
@@ -45,7 +45,7 @@ def _hunting_rays(log: RunLog) -> Floats:
     return np.asarray(np.where(_hunting(log)[..., None], rays, another))
 
 
-@once
+@cached_per_log
 def gaps_rad(log: RunLog) -> Floats:
     """(T + 1,) largest angle about the target between neighbouring robots; 2 pi for one or none."""
     rays = _hunting_rays(log)
@@ -55,13 +55,13 @@ def gaps_rad(log: RunLog) -> Floats:
     return gaps
 
 
-@once
+@cached_per_log
 def enclosed(log: RunLog) -> NDArray[np.bool_]:
     """(T + 1,) whether the target is enclosed."""
     return encloses(_hunting_rays(log))
 
 
-@once
+@cached_per_log
 def ring_tick(log: RunLog) -> float:
     """The first tick with a ring: target enclosed, all robots within k1 rho of it (Sec. II-C)."""
     reach_m = log.parameters.near_factor * log.parameters.ring_radius_m
@@ -81,7 +81,7 @@ def path_m_mean(log: RunLog) -> float:
     return path_m_total(log) / log.count
 
 
-@once
+@cached_per_log
 def path_m_total(log: RunLog) -> float:
     """Length of all robots' paths together."""
     moved = np.diff(log.robots, axis=0)
@@ -93,7 +93,7 @@ def effort_m2ps_mean(log: RunLog) -> float:
     return float((log.steps * log.steps).sum()) / log.scenario.tick_s / log.count
 
 
-@once
+@cached_per_log
 def separations_m(log: RunLog) -> Floats:
     """(T + 1, N (N - 1) / 2) free distance between the surfaces of two robots."""
     first, second = pairs(log.count)

@@ -10,13 +10,19 @@ leave such ticks out would make the worst links look better than the middling.
 
 import numpy as np
 
-from encircle.measures.common import links, links_there, mean_or_nan, once, percentile_or_nan
+from encircle.measures.common import (
+    cached_per_log,
+    links,
+    links_there,
+    mean_or_nan,
+    percentile_or_nan,
+)
 from encircle.runlog.runlog import NAN, Integers, RunLog
 
 NEVER = np.iinfo(np.int64).max
 
 
-@once
+@cached_per_log
 def _newest_ticks(log: RunLog) -> Integers:
     """(T, N (N - 1)) when the newest packet delivered by a tick was sent, -1 before the first."""
     newest = np.full((log.ticks, log.count, log.count), -1)
@@ -28,13 +34,13 @@ def _newest_ticks(log: RunLog) -> Integers:
     return newest[:, links(log.count)]
 
 
-@once
+@cached_per_log
 def ages_ticks(log: RunLog) -> Integers:
     """(T, N (N - 1)) age of information of each directed link at each tick of decision."""
     return np.asarray(np.arange(log.ticks)[:, None] - _newest_ticks(log))
 
 
-@once
+@cached_per_log
 def _ages_there(log: RunLog) -> Integers:
     """(A,) ages of the links whose ends took part in the round."""
     return ages_ticks(log)[links_there(log)]
@@ -68,7 +74,7 @@ def unheard_share(log: RunLog) -> float:
     return mean_or_nan((_newest_ticks(log) < 0)[1:][links_there(log)[1:]])
 
 
-@once
+@cached_per_log
 def delays_ticks(log: RunLog) -> Integers:
     """(D,) delays of the packets that the radio delivers, the first copy of each."""
     first = np.minimum(

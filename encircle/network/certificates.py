@@ -27,9 +27,9 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from encircle.protocol.process.interrupts import check, held
+from encircle.protocol.process.interrupts import check, signals_held
 from encircle.protocol.zenoh.access_control import AUTHORITY, ROUTER, TEAM, TEAM_MAX, VIEWER, WORLD
-from encircle.whole_directory import emptied_if_left
+from encircle.whole_directory import emptied_on_failure
 
 SERVERS = (ROUTER, WORLD)
 HERE = ("localhost", "127.0.0.1", "::1")
@@ -37,7 +37,7 @@ DAYS, DAYS_MAX = 30, 825
 SLACK = timedelta(hours=1)
 """Valid from this long ago, for hosts whose clocks are behind."""
 HOST_CHARACTERS_MAX = 253
-KEPT_APART = "keep-apart"
+AUTHORITY_DIRECTORY = "keep-apart"
 
 Names = list[x509.GeneralName]
 
@@ -46,7 +46,7 @@ class CertificateError(Exception):
     """Certificates cannot be made as asked; the message names the value and what would be right."""
 
 
-class Made(NamedTuple):
+class CertificateSet(NamedTuple):
     """What was made. ``names``: the parties; times are UTC."""
 
     directory: Path
@@ -68,7 +68,7 @@ def make_certificates(
     days: int = DAYS,
     not_before: datetime | None = None,
     not_after: datetime | None = None,
-) -> Made:
+) -> CertificateSet:
     """Make an authority and certificates for router, world, viewer and robots r1 to rN.
 
     ``directory`` gets ``authority.pem`` and for each party, say r1, ``r1.pem`` and ``r1.key``; the
@@ -86,26 +86,26 @@ def make_certificates(
     now = datetime.now(UTC).replace(microsecond=0)
     begin, end = not_before or now - SLACK, not_after or now + timedelta(days=days)
     authority = _authority(min(begin, now - SLACK), max(end, now + timedelta(days=days)))
-    parties = {
-        name: _party(name, authority, names if name in SERVERS else [], begin, end)
+    nodes = {
+        name: _node_certificate(name, authority, names if name in SERVERS else [], begin, end)
         for name in (*SERVERS, VIEWER, *TEAM[:robots])
     }
-    apart = directory / KEPT_APART
+    apart = directory / AUTHORITY_DIRECTORY
     _new_directory(directory)
-    with held(), emptied_if_left(directory):
+    with signals_held(), emptied_on_failure(directory):
         _new_directory(apart)
         # Keys made inside a repository are not to be committed to it.
         (directory / ".gitignore").write_text("*\n")
         _write_certificate(directory / f"{AUTHORITY}.pem", authority)
         _write_key(apart / f"{AUTHORITY}.key", authority)
-        for name, signed in parties.items():
+        for name, signed in nodes.items():
             check()
             _write_certificate(directory / f"{name}.pem", signed)
             _write_key(directory / f"{name}.key", signed)
-    return Made(directory, tuple(parties), apart / f"{AUTHORITY}.key", begin, end)
+    return CertificateSet(directory, tuple(nodes), apart / f"{AUTHORITY}.key", begin, end)
 
 
-def describe(made: Made) -> str:
+def describe(made: CertificateSet) -> str:
     """What was made, in lines for whoever asked for it."""
     robots = [name for name in made.names if name in TEAM]
     return "\n".join(
@@ -154,7 +154,7 @@ def _authority(not_before: datetime, not_after: datetime) -> _Signed:
     )
 
 
-def _party(
+def _node_certificate(
     name: str, authority: _Signed, hosts: Names, not_before: datetime, not_after: datetime
 ) -> _Signed:
     """A certificate for one party; one with ``hosts`` may be connected to."""

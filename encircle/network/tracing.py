@@ -13,10 +13,10 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from encircle.network.transport import traffic_of
-from encircle.protocol.process.interrupts import check, held
+from encircle.network.transport import ledger_of
+from encircle.protocol.process.interrupts import check, signals_held
 from encircle.world.loading.channel_consistency import TRACE_ROWS_MAX
-from encircle.world.network.transport import delay_refusal, offsets_of, unsteady, ways_of
+from encircle.world.network.transport import delay_refusal, offsets_of, transits_of, unsteady
 from encircle.world.recording.recording import Recording
 from encircle.world.recording.run_directory import RunDirectoryError
 
@@ -52,24 +52,24 @@ class NetworkTrace(NamedTuple):
 
 def trace_of(recording: Recording) -> NetworkTrace:
     """The trace of a recorded run; ``RecordingError`` if it was not one by the clock."""
-    traffic = traffic_of(recording)
-    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
-    pairs = [(s, r) for s in traffic.robots for r in traffic.robots if s != r]
+    ledger = ledger_of(recording)
+    offsets = {robot: offsets_of(ledger, robot) for robot in ledger.robots}
+    pairs = [(s, r) for s in ledger.robots for r in ledger.robots if s != r]
     room = TRACE_ROWS_MAX // max(1, len(pairs))
     rows: list[Row] = []
     refused, left_out = None, 0
     for sender, receiver in pairs:
-        ways = ways_of(traffic, sender, receiver, offsets)
-        known = [way for way in ways if way.delay_us is not None]
-        if any(not way.lost for way in ways) and refused is None:
-            error_us = median([way.error_us for way in known]) if known else None
-            refused = delay_refusal(error_us, traffic.tick_s)
+        transits = transits_of(ledger, sender, receiver, offsets)
+        known = [transit for transit in transits if transit.delay_us is not None]
+        if any(not transit.lost for transit in transits) and refused is None:
+            error_us = median([transit.error_us for transit in known]) if known else None
+            refused = delay_refusal(error_us, ledger.tick_s)
             refused = refused or unsteady(sender, offsets) or unsteady(receiver, offsets)
             refused = refused and f"{sender} to {receiver}: {refused}"
         # A packet that did not reach the world as well has no known time of sending.
-        usual_us = median([way.delay_us or 0.0 for way in known]) if known else 0.0
-        left_out += max(0, len(ways) - room)
-        for _, lost, delay_us, _ in ways[:room]:
+        usual_us = median([transit.delay_us or 0.0 for transit in known]) if known else 0.0
+        left_out += max(0, len(transits) - room)
+        for _, lost, delay_us, _ in transits[:room]:
             # An unsharp clock may show an arrival before the sending.
             delay_s = max(0.0, usual_us if delay_us is None else delay_us) / 1e6
             rows.append(Row(sender, receiver, int(lost), None if lost else round(delay_s, DIGITS)))
@@ -94,7 +94,7 @@ def write_trace(trace: NetworkTrace, path: Path) -> None:
         _as_csv(trace, names) if path.suffix.lower() == ".csv" else _as_parquet(trace, names, path)
     )
     try:
-        with held(), open(path, "xb") as file:
+        with signals_held(), open(path, "xb") as file:
             try:
                 file.write(made)
                 file.flush()

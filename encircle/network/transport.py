@@ -12,7 +12,7 @@ from encircle.protocol.codec import decode
 from encircle.protocol.errors import MalformedMessage, ProtocolError, WrongSender
 from encircle.protocol.messages import Command, Observation, Pose, Radio, Setup
 from encircle.protocol.process.log import printable
-from encircle.world.network.message_ledger import Traffic
+from encircle.world.network.message_ledger import MessageLedger
 from encircle.world.recording.recording import Recording, RecordingError
 
 ROWS_MAX = 20_000_000
@@ -28,7 +28,7 @@ KINDS: dict[str, Any] = {
 TEXTS = ("from", "to", "carries", "clock of", "")
 
 
-def traffic_of(recording: Recording) -> Traffic:
+def ledger_of(recording: Recording) -> MessageLedger:
     """The ledger of a recorded run; ``RecordingError`` if it was not one by the clock."""
     scenario, run = recording.scenario, recording.run
     if scenario.clock != "wall":
@@ -36,20 +36,20 @@ def traffic_of(recording: Recording) -> Traffic:
             f"{recording.path}: clock = {scenario.clock!r}: in lock-step no clock is involved,"
             " so there is nothing to measure; run with --set clock=wall"
         )
-    traffic = Traffic(scenario.ids, scenario.tick_s, scenario.radio == "direct", ROWS_MAX)
+    ledger = MessageLedger(scenario.ids, scenario.tick_s, scenario.radio == "direct", ROWS_MAX)
     for (tick, topic, payload), at_us in zip(recording.messages, recording.logged_us, strict=True):
         robot, channel = topic.split("/")[-2:]
         if channel in ("setup", "observation", "pose", "command") and robot not in scenario.ids:
             raise RecordingError(f"{topic} of tick {tick}: the team is {', '.join(scenario.ids)}")
         try:
-            _write(traffic, robot, channel, payload, run, at_us)
+            _write(ledger, robot, channel, payload, run, at_us)
         except ProtocolError as error:
             raise RecordingError(f"{topic} of tick {tick}: {error}") from None
-    return traffic
+    return ledger
 
 
 def _write(
-    traffic: Traffic, robot: str, channel: str, payload: bytes, run: str, at_us: int
+    ledger: MessageLedger, robot: str, channel: str, payload: bytes, run: str, at_us: int
 ) -> None:
     kind = KINDS.get(channel)
     if kind is None:
@@ -57,19 +57,19 @@ def _write(
     message = decode(kind, payload, run)
     if getattr(message, "robot", robot) != robot:
         raise WrongSender(f"it is of {message.robot}")
-    if kind is Radio and len(message.fates) != len(traffic.robots):
+    if kind is Radio and len(message.fates) != len(ledger.robots):
         raise MalformedMessage("it is of another team")
     match message:
         case Setup():
-            traffic.joined(robot, message.first_tick)
+            ledger.joined(robot, message.first_tick)
         case Observation(sent_us=int(sent_us)):
-            traffic.asked(robot, message.tick, sent_us)
+            ledger.asked(robot, message.tick, sent_us)
         case Pose():
-            traffic.packet(message, at_us)
+            ledger.packet(message, at_us)
         case Command():
-            traffic.answered(message, at_us)
+            ledger.answered(message, at_us)
         case Radio():
-            traffic.radioed(message)
+            ledger.fates_drawn(message)
 
 
 def show(report: dict[str, Any], console: Console, shown_max: int | None = None) -> None:
@@ -92,8 +92,8 @@ def show(report: dict[str, Any], console: Console, shown_max: int | None = None)
     # Below: in a column of their own they would leave no room for the figures.
     refused = Counter(link["delay_refused"] for link in links if link["delay_refused"])
     for reason, number in refused.items():
-        said = f"no delay for {number} of {len(links)} links: {reason}"
-        console.print(visible(said), highlight=False)
+        message = f"no delay for {number} of {len(links)} links: {reason}"
+        console.print(visible(message), highlight=False)
     for link in links:
         # One or two are always under way when a run ends.
         if link["unknown"] > UNKNOWN_SHOWN_MIN:

@@ -16,7 +16,12 @@ import numpy as np
 from encircle.figures.figures import draw_snapshots, draw_trajectories
 from encircle.protocol.codec import decode
 from encircle.protocol.messages import Observation
-from encircle.runlog.ground_truth import Tracks, estimates_agree, points_shared, tracks_of
+from encircle.runlog.ground_truth import (
+    GroundTruth,
+    estimates_agree,
+    ground_truth_of,
+    points_shared,
+)
 from encircle.runner.hunts import run
 from encircle.world.recording.recording import Recording, read_recording
 
@@ -26,7 +31,7 @@ RIGHT_DEG_MAX = 45.0
 CAUGHT_UP_M = 0.5
 
 
-class Holds(StrEnum):
+class ClaimStatus(StrEnum):
     """Whether a claim of the paper is so here.
 
     What is said of many runs is undecided unless an interval decides; of a single run it is so or
@@ -39,16 +44,16 @@ class Holds(StrEnum):
     NO_CLAIM = "no claim"
 
 
-def fact(so: bool) -> Holds:
+def status_of(so: bool) -> ClaimStatus:
     """What a single run shows, or a count of runs."""
-    return Holds.YES if so else Holds.NO
+    return ClaimStatus.YES if so else ClaimStatus.NO
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class ClaimCheck:
     """One thing found."""
 
-    holds: Holds
+    holds: ClaimStatus
     text: str
 
 
@@ -59,17 +64,17 @@ class Simulation:
     name: str
     paper: str
     figure: Path
-    findings: tuple[Finding, ...]
+    findings: tuple[ClaimCheck, ...]
     facts: dict[str, Any]
     table: tuple[str, ...] = ()
 
 
-def recorded(out: Path, name: str) -> tuple[Recording, Tracks, dict[str, Any]]:
+def run_and_read(out: Path, name: str) -> tuple[Recording, GroundTruth, dict[str, Any]]:
     """Run a shipped scenario and read its recording; with the facts that all simulations share."""
     hunt = run(name, link="memory", out=out / name)
     recording = read_recording(out / name)
-    tracks = tracks_of(recording)
-    gap_m, gap_tick, pair = tracks.least_gap()
+    ground_truth = ground_truth_of(recording)
+    gap_m, gap_tick, pair = ground_truth.least_gap()
     observed = recording.of_channel("observation")
     first = [decode(Observation, p, recording.run) for tick, _, p in observed if tick == 0]
     facts = {
@@ -83,15 +88,15 @@ def recorded(out: Path, name: str) -> tuple[Recording, Tracks, dict[str, Any]]:
         "least_gap_m": gap_m,
         "least_gap_tick": gap_tick,
         "least_gap_pair": list(pair),
-        "contact_ticks": _contact_ticks(tracks),
+        "contact_ticks": _contact_ticks(ground_truth),
     }
-    return recording, tracks, facts
+    return recording, ground_truth, facts
 
 
-def _contact_ticks(tracks: Tracks) -> dict[str, int]:
+def _contact_ticks(ground_truth: GroundTruth) -> dict[str, int]:
     """At how many ticks bodies of each two kinds touched."""
     counts: dict[str, int] = {}
-    for pairs in tracks.contacts:
+    for pairs in ground_truth.contacts:
         kinds = {"-".join(sorted(_kind(name) for name in pair)) for pair in pairs}
         for kind in sorted(kinds):
             counts[kind] = counts.get(kind, 0) + 1
@@ -102,40 +107,46 @@ def _kind(name: str) -> str:
     return "target" if name == "target" else name.split("-")[0] if "-" in name else "robot"
 
 
-def capture_finding(tracks: Tracks) -> Finding:
+def capture_finding(ground_truth: GroundTruth) -> ClaimCheck:
     """Whether and when the target was captured."""
-    return Finding(fact(tracks.captured), tracks.outcome)
+    return ClaimCheck(status_of(ground_truth.captured), ground_truth.outcome)
 
 
-def solid_finding(facts: dict[str, Any]) -> Finding:
+def solid_finding(facts: dict[str, Any]) -> ClaimCheck:
     """Whether bodies stayed apart at every tick, and who touched."""
     touched = ", ".join(f"{kind} at {n}" for kind, n in facts["contact_ticks"].items()) or "none"
     gap_m, pair = facts["least_gap_m"], " and ".join(facts["least_gap_pair"])
     which = f"{pair} at tick {facts['least_gap_tick']}; ticks with contact: {touched}"
     if gap_m < 0.0:
-        return Finding(Holds.NO, f"bodies overlapped by {-1000.0 * gap_m:.3f} mm: {which}")
-    return Finding(
-        Holds.NO_CLAIM, f"no bodies overlapped: least free distance {1000 * gap_m:.3f} mm, {which}"
+        return ClaimCheck(ClaimStatus.NO, f"bodies overlapped by {-1000.0 * gap_m:.3f} mm: {which}")
+    return ClaimCheck(
+        ClaimStatus.NO_CLAIM,
+        f"no bodies overlapped: least free distance {1000 * gap_m:.3f} mm, {which}",
     )
 
 
 def simulation_1(
-    out: Path, recording: Recording, tracks: Tracks, facts: dict[str, Any]
+    out: Path, recording: Recording, ground_truth: GroundTruth, facts: dict[str, Any]
 ) -> Simulation:
     """Simulation 1: whom the target runs from and when it turns; draws Fig. 3 into ``out``."""
-    seen = tracks.first_sight("r3")
+    seen = ground_truth.first_sight("r3")
     detecting = facts["detecting_at_start"]
     only = f"only {detecting[0]}" if len(detecting) == 1 else ", ".join(detecting) or "no robot"
     findings = [
-        Finding(fact(detecting == ["r1"]), f"at the start {only} detects the target"),
-        *_turn(tracks, seen, facts),
-        capture_finding(tracks),
+        ClaimCheck(status_of(detecting == ["r1"]), f"at the start {only} detects the target"),
+        *_turn(ground_truth, seen, facts),
+        capture_finding(ground_truth),
         solid_finding(facts),
     ]
-    last, met = tracks.last_tick, tracks.last_tick // 2 if seen is None else seen
+    last, met = ground_truth.last_tick, ground_truth.last_tick // 2 if seen is None else seen
     ticks = [0, max(0, met - 1), min(met + TURN_TICKS, last), last]
-    told = ("start", "r3 not yet detected", "r3 detected", "captured" if tracks.captured else "end")
-    figure = draw_snapshots(recording, ticks, out / "fig3.png", told)
+    captions = (
+        "start",
+        "r3 not yet detected",
+        "r3 detected",
+        "captured" if ground_truth.captured else "end",
+    )
+    figure = draw_snapshots(recording, ticks, out / "fig3.png", captions)
     paper = (
         "Initially only R1 can detect the target, which tries to escape toward the right, changes"
         " its direction after it finds R3, and is captured (Fig. 3)."
@@ -143,33 +154,41 @@ def simulation_1(
     return Simulation("sim1", paper, figure, tuple(findings), facts)
 
 
-def _turn(tracks: Tracks, seen: int | None, facts: dict[str, Any]) -> list[Finding]:
+def _turn(ground_truth: GroundTruth, seen: int | None, facts: dict[str, Any]) -> list[ClaimCheck]:
     """Where the target runs until it detects r3, and how it turns then."""
     facts["target_detects_r3_tick"] = seen
     if not seen:
-        return [Finding(Holds.NO, "the target does not come upon r3: there is no turn to measure")]
-    run_x, run_y = (tracks.target[tracks.row(seen)] - tracks.target[0]).tolist()
+        return [
+            ClaimCheck(
+                ClaimStatus.NO, "the target does not come upon r3: there is no turn to measure"
+            )
+        ]
+    run_x, run_y = (ground_truth.target[ground_truth.row(seen)] - ground_truth.target[0]).tolist()
     heading = degrees(float(np.arctan2(run_y, run_x)))
     # The step from tick `seen` is the first that can take r3 into account.
-    before, first = tracks.heading_rad(seen - 1), tracks.heading_rad(seen)
-    last = min(seen + TURN_TICKS, tracks.last_tick) - 1
-    turn = degrees(remainder(tracks.heading_rad(last) - before, tau))
+    before, first = ground_truth.heading_rad(seen - 1), ground_truth.heading_rad(seen)
+    last = min(seen + TURN_TICKS, ground_truth.last_tick) - 1
+    turn = degrees(remainder(ground_truth.heading_rad(last) - before, tau))
     at_once = degrees(remainder(first - before, tau))
-    earlier = tracks.heading_rad(max(0, seen - 1 - TURN_TICKS))
+    earlier = ground_truth.heading_rad(max(0, seen - 1 - TURN_TICKS))
     drift = degrees(remainder(before - earlier, tau))
-    others = [r for r in tracks.arena.ids if r != "r3" and (tracks.first_sight(r) or 0) > 0]
-    also = [f"{r} from tick {t}" for r in others if (t := tracks.first_sight(r)) and t <= last]
+    others = [
+        r for r in ground_truth.arena.ids if r != "r3" and (ground_truth.first_sight(r) or 0) > 0
+    ]
+    also = [
+        f"{r} from tick {t}" for r in others if (t := ground_truth.first_sight(r)) and t <= last
+    ]
     facts.update(
         target_heading_deg=heading, turn_deg=turn, first_turn_deg=at_once, earlier_turn_deg=drift
     )
     return [
-        Finding(
-            fact(abs(heading) <= RIGHT_DEG_MAX),
+        ClaimCheck(
+            status_of(abs(heading) <= RIGHT_DEG_MAX),
             f"until it detects r3 the target runs {hypot(run_x, run_y):.1f} m towards"
             f" {heading:+.0f} deg (0 is right)",
         ),
-        Finding(
-            fact(abs(turn) >= TURN_DEG_MIN),
+        ClaimCheck(
+            status_of(abs(turn) >= TURN_DEG_MIN),
             f"it detects r3 at tick {seen} and turns {turn:+.0f} deg in {TURN_TICKS} ticks,"
             f" {at_once:+.0f} of them at once; in as many ticks before: {drift:+.0f} deg"
             + (f"; by then it also detects {', '.join(also)}" if also else ""),
@@ -178,24 +197,24 @@ def _turn(tracks: Tracks, seen: int | None, facts: dict[str, Any]) -> list[Findi
 
 
 def simulation_2(
-    out: Path, recording: Recording, tracks: Tracks, facts: dict[str, Any]
+    out: Path, recording: Recording, ground_truth: GroundTruth, facts: dict[str, Any]
 ) -> Simulation:
     """Simulation 2: collisions and shared encirclement points; draws Fig. 4 into ``out``."""
     shared, ticks = points_shared(recording)
-    count = len(tracks.arena.ids)
-    nearest_m = float(tracks.gaps[:, :count, count + 1 :].min())
+    count = len(ground_truth.arena.ids)
+    nearest_m = float(ground_truth.gaps[:, :count, count + 1 :].min())
     contacts = facts["contact_ticks"]
     touched = {kind: contacts.get(kind, 0) for kind in ("robot-robot", "obstacle-robot")}
     facts.update(robot_obstacle_gap_m=nearest_m, ticks_encircling=ticks, ticks_point_shared=shared)
     findings = (
-        capture_finding(tracks),
-        Finding(
-            fact(not any(touched.values())),
+        capture_finding(ground_truth),
+        ClaimCheck(
+            status_of(not any(touched.values())),
             f"no collision: robots touched one another at {touched['robot-robot']} ticks and"
             f" obstacles at {touched['obstacle-robot']}, nearest {nearest_m:.2f} m",
         ),
-        Finding(
-            fact(shared == 0),
+        ClaimCheck(
+            status_of(shared == 0),
             f"encirclement points are coordinated: at {shared} of {ticks} ticks with two or more"
             " robots encircling did two of them make for the same point",
         ),
@@ -211,28 +230,30 @@ def simulation_2(
 
 
 def simulation_3(
-    out: Path, recording: Recording, tracks: Tracks, facts: dict[str, Any]
+    out: Path, recording: Recording, ground_truth: GroundTruth, facts: dict[str, Any]
 ) -> Simulation:
     """Simulation 3: before and after the move; draws Fig. 5. Needs simulation 1 in ``out``."""
-    undisturbed = tracks_of(read_recording(out / "sim1"))
-    moved = tracks.moved_by_hand[0] if tracks.moved_by_hand else tracks.last_tick
-    row = tracks.row(moved)
-    same = np.array_equal(tracks.positions[:row], undisturbed.positions[:row])
-    far_m = float(np.hypot(*(tracks.target[row] - tracks.target[row - 1])))
-    caught_up = estimates_agree(recording, tracks, moved, CAUGHT_UP_M)
-    reach = np.hypot(*(tracks.robots - tracks.target[:, None]).transpose(2, 0, 1))
+    undisturbed = ground_truth_of(read_recording(out / "sim1"))
+    moved = ground_truth.moved_by_hand[0] if ground_truth.moved_by_hand else ground_truth.last_tick
+    row = ground_truth.row(moved)
+    same = np.array_equal(ground_truth.positions[:row], undisturbed.positions[:row])
+    far_m = float(np.hypot(*(ground_truth.target[row] - ground_truth.target[row - 1])))
+    caught_up = estimates_agree(recording, ground_truth, moved, CAUGHT_UP_M)
+    reach = np.hypot(*(ground_truth.robots - ground_truth.target[:, None]).transpose(2, 0, 1))
     before_m, after_m = float(reach[row - 1].max()), float(reach[row].max())
     other = undisturbed.outcome
     facts.update(moved_tick=moved, moved_m=far_m, caught_up_tick=caught_up, same_until_moved=same)
     findings = (
-        Finding(fact(same), f"as simulation 1 up to tick {moved - 1}, position by position"),
-        Finding(
-            Holds.NO_CLAIM,
+        ClaimCheck(
+            status_of(same), f"as simulation 1 up to tick {moved - 1}, position by position"
+        ),
+        ClaimCheck(
+            ClaimStatus.NO_CLAIM,
             f"at tick {moved} the target is moved by {far_m:.1f} m: the farthest robot was"
             f" {before_m:.1f} m from it and is now {after_m:.1f} m",
         ),
-        Finding(
-            fact(caught_up is not None),
+        ClaimCheck(
+            status_of(caught_up is not None),
             "the robots adjust: "
             + (
                 f"all estimates are within {CAUGHT_UP_M} m of the target at tick {caught_up}"
@@ -240,17 +261,22 @@ def simulation_3(
                 else f"never are all estimates within {CAUGHT_UP_M} m of the target again"
             ),
         ),
-        Finding(
-            fact(tracks.captured),
-            f"{tracks.outcome}, {tracks.last_tick - moved} ticks after the move"
+        ClaimCheck(
+            status_of(ground_truth.captured),
+            f"{ground_truth.outcome}, {ground_truth.last_tick - moved} ticks after the move"
             f" (undisturbed: {other})",
         ),
         solid_finding(facts),
     )
-    last = tracks.last_tick
+    last = ground_truth.last_tick
     ticks = [0, moved - 1, min(moved + TURN_TICKS, last), last]
-    told = ("start", "before the move", "after the move", "captured" if tracks.captured else "end")
-    figure = draw_snapshots(recording, ticks, out / "fig5.png", told)
+    captions = (
+        "start",
+        "before the move",
+        "after the move",
+        "captured" if ground_truth.captured else "end",
+    )
+    figure = draw_snapshots(recording, ticks, out / "fig5.png", captions)
     paper = (
         "Under the same conditions as simulation 1 the target is moved manually to a new position;"
         " the robots make timely adjustment and capture it (Fig. 5)."

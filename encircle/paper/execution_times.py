@@ -56,7 +56,7 @@ class Outcome(NamedTuple):
     farthest_m: float
 
 
-class Estimate(NamedTuple):
+class MeanInterval(NamedTuple):
     """A mean with its 95 % interval."""
 
     mean: float
@@ -98,7 +98,7 @@ class ExecutionTimes:
     ticks_max: int
 
     @property
-    def held(self) -> int:
+    def surrounded(self) -> int:
         """Runs without capture that end with every robot close around the target."""
         return int((~self.captured & (self.farthest_m <= HELD_M)).sum())
 
@@ -107,41 +107,41 @@ class ExecutionTimes:
         """(X, P) runs without capture."""
         return np.asarray((~self.captured).sum(axis=2))
 
-    def typical(self, place: int, policy: int) -> Estimate:
+    def typical(self, start_index: int, policy: int) -> MeanInterval:
         """Typical time at a start."""
-        return estimate(self.ticks[place, policy], MIDDLE_HALF)
+        return estimate(self.ticks[start_index, policy], MIDDLE_HALF)
 
-    def mean(self, place: int, policy: int) -> Estimate:
+    def mean(self, start_index: int, policy: int) -> MeanInterval:
         """Mean time at a start, a lower bound if runs did not capture."""
-        return self._mean(self.ticks[place, policy], self.captured[place, policy])
+        return self._mean(self.ticks[start_index, policy], self.captured[start_index, policy])
 
-    def overall(self, policy: int) -> Estimate:
+    def overall(self, policy: int) -> MeanInterval:
         """Typical time over all starts."""
         return estimate(self.ticks[:, policy], MIDDLE_HALF)
 
-    def overall_mean(self, policy: int) -> Estimate:
+    def overall_mean(self, policy: int) -> MeanInterval:
         """Mean time over all starts, a lower bound if runs did not capture."""
         return self._mean(self.ticks[:, policy], self.captured[:, policy])
 
-    def difference(self, policy: int) -> Estimate:
+    def difference(self, policy: int) -> MeanInterval:
         """Typical difference: of a policy's time from that of xi*, over all pairs.
 
         Without bounds but the longest time if so few seeds could not tell even by all being alike.
         """
         found = estimate(self._changes(policy), MIDDLE_HALF, CONFIDENCE_EACH)
         few = 2.0 ** (1 - self.ticks.shape[2]) > 1.0 - CONFIDENCE_EACH
-        return Estimate(found.mean, -self.ticks_max, self.ticks_max) if few else found
+        return MeanInterval(found.mean, -self.ticks_max, self.ticks_max) if few else found
 
-    def difference_mean(self, policy: int) -> Estimate:
+    def difference_mean(self, policy: int) -> MeanInterval:
         """Mean difference of a policy's time from that of xi*."""
         by_seed = self._changes(policy).mean(axis=0)
-        return Estimate(*bounded_mean(by_seed, self.ticks_max, CONFIDENCE_EACH))
+        return MeanInterval(*bounded_mean(by_seed, self.ticks_max, CONFIDENCE_EACH))
 
     def _changes(self, policy: int) -> NDArray[np.int64]:
         return np.asarray(self.ticks[:, policy] - self.ticks[:, STAR])
 
-    def _mean(self, ticks: NDArray[np.int64], captured: NDArray[np.bool_]) -> Estimate:
-        return Estimate(*restricted_mean_ticks(ticks, captured, self.ticks_max))
+    def _mean(self, ticks: NDArray[np.int64], captured: NDArray[np.bool_]) -> MeanInterval:
+        return MeanInterval(*restricted_mean_ticks(ticks, captured, self.ticks_max))
 
     def order(self, policy: int) -> tuple[int, int, int]:
         """In how many pairs xi* captures earlier, later, and at the same tick or neither does."""
@@ -150,7 +150,9 @@ class ExecutionTimes:
         return int((sign > 0).sum()), int((sign < 0).sum()), int((sign == 0).sum())
 
 
-def estimate(values: NDArray[np.int64], trim: float, confidence: float = CONFIDENCE) -> Estimate:
+def estimate(
+    values: NDArray[np.int64], trim: float, confidence: float = CONFIDENCE
+) -> MeanInterval:
     """Mean without ``trim`` of the values at either end, and an interval from two seeds on.
 
     ``values``: (S,) or (X, S); seeds, the last axis, are resampled whole. The interval is Student's
@@ -164,7 +166,7 @@ def estimate(values: NDArray[np.int64], trim: float, confidence: float = CONFIDE
     error = stats.trim_mean(resampled, trim, axis=1).std() * np.sqrt(seeds / (seeds - 1))
     half = float(stats.t.ppf((1.0 + confidence) / 2.0, seeds - 1) * error)
     value = float(stats.trim_mean(table, trim, axis=None))
-    return Estimate(value, value - half, value + half)
+    return MeanInterval(value, value - half, value + half)
 
 
 def rate(captured: ArrayLike) -> Rate:

@@ -18,15 +18,15 @@ import numpy as np
 
 from encircle.figures.figures import TimeCurve, draw_execution_times, draw_trajectories
 from encircle.paper.claims import (
-    Finding,
-    Holds,
+    ClaimCheck,
+    ClaimStatus,
     Simulation,
-    fact,
-    recorded,
+    run_and_read,
     simulation_1,
     simulation_2,
     simulation_3,
     solid_finding,
+    status_of,
 )
 from encircle.paper.execution_times import (
     HELD_M,
@@ -36,29 +36,34 @@ from encircle.paper.execution_times import (
     SLOW_STEP_M,
     STAR,
     X_OF_R3_M,
-    Estimate,
     ExecutionTimes,
+    MeanInterval,
     captures,
     execution_times,
     numbers,
     rate,
 )
 from encircle.progress import Tell, no_progress
-from encircle.protocol.process.interrupts import check, held
-from encircle.runlog.ground_truth import Tracks
-from encircle.statistics.comparisons import Decision, rate_difference
-from encircle.whole_directory import emptied_if_left
+from encircle.protocol.process.interrupts import check, signals_held
+from encircle.runlog.ground_truth import GroundTruth
+from encircle.statistics.comparisons import Verdict, rate_difference
+from encircle.whole_directory import emptied_on_failure
 from encircle.world.recording.recording import Recording
 from encircle.world.recording.run_directory import create, versions
 
 RANDOM_STARTS = 200
 COLUMNS = 98
 CLAIMED = {
-    Decision.HIGHER: Holds.YES,
-    Decision.LOWER: Holds.NO,
-    Decision.UNDECIDED: Holds.UNDECIDED,
+    Verdict.HIGHER: ClaimStatus.YES,
+    Verdict.LOWER: ClaimStatus.NO,
+    Verdict.UNDECIDED: ClaimStatus.UNDECIDED,
 }
-MARKS = {Holds.YES: "yes", Holds.NO: "NO", Holds.UNDECIDED: "undecided", Holds.NO_CLAIM: ""}
+MARKS = {
+    ClaimStatus.YES: "yes",
+    ClaimStatus.NO: "NO",
+    ClaimStatus.UNDECIDED: "undecided",
+    ClaimStatus.NO_CLAIM: "",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,16 +130,16 @@ def reproduce(
     """
     assert seeds >= 2, f"{seeds} seeds give no interval"
     begun = time.perf_counter()
-    with held(), emptied_if_left(create(out)):
+    with signals_held(), emptied_on_failure(create(out)):
         simulations = []
         for number, judge in enumerate((simulation_1, simulation_2, simulation_3), start=1):
             with progress(f"simulation {number}"):
-                simulations.append(judge(out, *recorded(out, f"sim{number}")))
+                simulations.append(judge(out, *run_and_read(out, f"sim{number}")))
             check()
         with progress("simulation 4") as tell:
-            simulations.append(_simulation_4(out, *recorded(out, "sim4"), random_starts, tell))
+            simulations.append(_simulation_4(out, *run_and_read(out, "sim4"), random_starts, tell))
         with progress("simulation 5") as tell:
-            simulations.append(_simulation_5(out, *recorded(out, "sim5")[1:], x_m, seeds, tell))
+            simulations.append(_simulation_5(out, *run_and_read(out, "sim5")[1:], x_m, seeds, tell))
         report = Report(out, seeds, time.perf_counter() - begun, tuple(simulations))
         (out / "report.txt").write_text(report.text() + "\n", encoding="utf-8")
         as_json = json.dumps(report.as_dict(), indent=2, allow_nan=False)
@@ -143,35 +148,40 @@ def reproduce(
 
 
 def _simulation_4(
-    out: Path, recording: Recording, tracks: Tracks, facts: dict[str, Any], runs: int, tell: Tell
+    out: Path,
+    recording: Recording,
+    ground_truth: GroundTruth,
+    facts: dict[str, Any],
+    runs: int,
+    tell: Tell,
 ) -> Simulation:
     captured = captures(runs, tell)
     rates = {name: rate(flags) for name, flags in captured.items()}
     slower = rate_difference(captured["fast"], captured["slow"])
     facts["capture_rates"] = {name: found._asdict() for name, found in rates.items()}
     facts["slow_minus_fast"] = {**slower.mean._asdict(), "p": slower.p}
-    target, team = tracks.scenario.target, tracks.scenario.team
+    target, team = ground_truth.scenario.target, ground_truth.scenario.team
     faster = 100.0 * (target.step_m_max / team.step_m_max - 1.0)
     fast, slow, near = rates["fast"], rates["slow"], rates["near"]
     low_m, high_m = team.placement.distance_m_min, team.placement.distance_m_max
     findings = (
-        Finding(
-            fact(tracks.captured),
+        ClaimCheck(
+            status_of(ground_truth.captured),
             f"target {faster:.0f} % faster than the robots, from one chosen start:"
-            f" {tracks.outcome}",
+            f" {ground_truth.outcome}",
         ),
-        Finding(
-            Holds.NO_CLAIM,
+        ClaimCheck(
+            ClaimStatus.NO_CLAIM,
             f"from that start, every robot moved by up to {JITTER_M} m per axis: captured (within"
-            f" {tracks.scenario.ticks_max} ticks) {near}",
+            f" {ground_truth.scenario.ticks_max} ticks) {near}",
         ),
-        Finding(
-            Holds.NO_CLAIM,
+        ClaimCheck(
+            ClaimStatus.NO_CLAIM,
             f"from random starts {low_m:g} to {high_m:g} m away: captured {fast}"
             + ("; most fail, so that success hangs on the start" if fast.high < 0.5 else ""),
         ),
-        Finding(
-            CLAIMED[slower.decision_alone],
+        ClaimCheck(
+            CLAIMED[slower.verdict_alone],
             "the faster the target, the likelier it escapes: from the same random starts at a step"
             f" of {SLOW_STEP_M} m captured {slow}; {slower.mean.signed(100.0)} points, by start",
         ),
@@ -187,7 +197,12 @@ def _simulation_4(
 
 
 def _simulation_5(
-    out: Path, tracks: Tracks, facts: dict[str, Any], x_m: Sequence[float], seeds: int, tell: Tell
+    out: Path,
+    ground_truth: GroundTruth,
+    facts: dict[str, Any],
+    x_m: Sequence[float],
+    seeds: int,
+    tell: Tell,
 ) -> Simulation:
     times, exact = execution_times(x_m, seeds, tell)
     curves = [
@@ -202,9 +217,9 @@ def _simulation_5(
     ]
     facts["execution_times"] = numbers(times, exact)
     findings = (
-        Finding(fact(bool(times.captured.all())), _fulfilled(times)),
+        ClaimCheck(status_of(bool(times.captured.all())), _fulfilled(times)),
         *_fastest(times, exact),
-        Finding(Holds.NO_CLAIM, f"the scenario as shipped, xi*: {tracks.outcome}"),
+        ClaimCheck(ClaimStatus.NO_CLAIM, f"the scenario as shipped, xi*: {ground_truth.outcome}"),
         solid_finding(facts),
     )
     paper = (
@@ -220,15 +235,15 @@ def _fulfilled(times: ExecutionTimes) -> str:
     counts = times.captured.sum(axis=(0, 2)).tolist()
     each = ", ".join(f"{label} {n}" for label, n in zip(POLICIES.values(), counts, strict=True))
     missed = int((~times.captured).sum())
-    held = f"; of {missed} without capture {times.held} end with the target surrounded"
+    surrounded = f"; of {missed} without capture {times.surrounded} end with the target surrounded"
     return (
         f"all fulfil the task: captures within {times.ticks_max} ticks in {runs} runs each (starts"
         f" moved by up to {JITTER_M} m per axis, detection noise {NOISE_M_STD} m, both paired):"
-        f" {each}" + (held + f", all robots within {HELD_M} m" if missed else "")
+        f" {each}" + (surrounded + f", all robots within {HELD_M} m" if missed else "")
     )
 
 
-def _fastest(times: ExecutionTimes, exact: ExecutionTimes) -> list[Finding]:
+def _fastest(times: ExecutionTimes, exact: ExecutionTimes) -> list[ClaimCheck]:
     """Whether xi* is fastest: in all, against each other policy, and in single exact runs."""
     others = [(policy, label) for policy, label in enumerate(POLICIES.values()) if policy != STAR]
     typical = [times.difference(policy) for policy, _ in others]
@@ -237,8 +252,8 @@ def _fastest(times: ExecutionTimes, exact: ExecutionTimes) -> list[Finding]:
     for (policy, label), usual, whole in zip(others, typical, mean, strict=True):
         earlier, later, level = times.order(policy)
         details.append(
-            Finding(
-                Holds.NO_CLAIM,
+            ClaimCheck(
+                ClaimStatus.NO_CLAIM,
                 f"{label} minus xi*, in ticks: typical {usual:+}, mean {whole:+};"
                 f" xi* is earlier in {earlier} pairs, later in {later}, level in {level}",
             )
@@ -250,8 +265,8 @@ def _fastest(times: ExecutionTimes, exact: ExecutionTimes) -> list[Finding]:
         _shorter("typical", times.overall(STAR).mean, typical),
         _shorter("mean", times.overall_mean(STAR).mean, mean),
         *details,
-        Finding(
-            Holds.NO_CLAIM,
+        ClaimCheck(
+            ClaimStatus.NO_CLAIM,
             "one run per start without noise, as in Fig. 7: xi* is fastest at"
             f" {best[:, STAR].sum()} of {len(ticks)} starts, alone at {alone.sum()};"
             f" {(~exact.captured).sum()} of {exact.captured.size} runs do not capture",
@@ -259,15 +274,17 @@ def _fastest(times: ExecutionTimes, exact: ExecutionTimes) -> list[Finding]:
     ]
 
 
-def _shorter(name: str, star_ticks: float, differences: Sequence[Estimate]) -> Finding:
+def _shorter(name: str, star_ticks: float, differences: Sequence[MeanInterval]) -> ClaimCheck:
     """Whether every other policy takes longer than xi*, by one kind of execution time."""
     longer, shorter = (
         sum(d.low > 0.0 for d in differences),
         sum(d.high < 0.0 for d in differences),
     )
     sizes = ", ".join(f"{100.0 * d.mean / star_ticks:+.1f} %" for d in differences)
-    holds = fact(not shorter) if shorter or longer == len(differences) else Holds.UNDECIDED
-    return Finding(
+    holds = (
+        status_of(not shorter) if shorter or longer == len(differences) else ClaimStatus.UNDECIDED
+    )
+    return ClaimCheck(
         holds,
         f"by the {name} execution time xi* is decidedly shorter than {longer} of the"
         f" {len(differences)} others and longer than {shorter}, by intervals of 95 % for all three"
@@ -279,11 +296,13 @@ def _table(times: ExecutionTimes) -> tuple[str, ...]:
     """Execution times as lines of text."""
     places, policies = range(len(times.x_m)), range(len(POLICIES))
     rows = [("x (m)", list(POLICIES.values()))]
-    for place in places:
-        cells = [f"{times.typical(place, policy)}" for policy in policies]
-        missed = times.missed[place].tolist()
+    for start_index in places:
+        cells = [f"{times.typical(start_index, policy)}" for policy in policies]
+        missed = times.missed[start_index].tolist()
         marks = [f" ({n})" if n else "" for n in missed]
-        rows.append((f"{times.x_m[place]:.1f}", [c + m for c, m in zip(cells, marks, strict=True)]))
+        rows.append(
+            (f"{times.x_m[start_index]:.1f}", [c + m for c, m in zip(cells, marks, strict=True)])
+        )
     rows.append(("all", [f"{times.overall(policy)}" for policy in policies]))
     rows.append(("mean", [f"{times.overall_mean(policy)}" for policy in policies]))
     lines = [f"{lead:>6}  " + "".join(f"{c:<22}" for c in cells).rstrip() for lead, cells in rows]

@@ -15,7 +15,7 @@ observation comes is a matter of the clock, and not checked.
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
 
-from encircle.agents.brain.real_time_core import RealTimeCore
+from encircle.agents.brain.real_time_core import RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
 from encircle.protocol.keys import robot_key
@@ -28,7 +28,7 @@ Packets = dict[tuple[str, int], bytes]
 
 
 @dataclass(slots=True)
-class _Part:
+class _RobotRecording:
     """One robot's part of a recording, by tick."""
 
     setups: dict[int, bytes] = field(default_factory=dict)
@@ -37,16 +37,16 @@ class _Part:
     poses: dict[int, Pose] = field(default_factory=dict)
 
 
-class _Unknown(Exception):
+class _NotRecorded(Exception):
     """What a robot had cannot be put together; the message says why."""
 
 
-def replay_by_clock(recording: Recording) -> ReplayCheck:
+def replay_real_time(recording: Recording) -> ReplayCheck:
     """As ``encircle.replay.replaying.replay``, for a run by the clock."""
     parts, packets, foreign = _parts_of(recording)
     differences, unchecked, compared = foreign, [], 0
     for robot, part in parts.items():
-        check = _Check(robot, part, recording.run, packets)
+        check = _RobotCheck(robot, part, recording.run, packets)
         check.run_all()
         differences += check.differences
         unchecked += check.unchecked
@@ -64,9 +64,9 @@ def replay_by_clock(recording: Recording) -> ReplayCheck:
 
 def _parts_of(
     recording: Recording,
-) -> tuple[dict[str, _Part], Packets, list[tuple[int, str, str]]]:
+) -> tuple[dict[str, _RobotRecording], Packets, list[tuple[int, str, str]]]:
     """Each robot's part, all packets, and what is from nobody of the team."""
-    parts = {robot: _Part() for robot in recording.scenario.ids}
+    parts = {robot: _RobotRecording() for robot in recording.scenario.ids}
     packets: Packets = {}
     foreign = []
     for tick, topic, payload in recording.messages:
@@ -90,10 +90,10 @@ def _parts_of(
     return parts, packets, foreign
 
 
-class _Check:
+class _RobotCheck:
     """One robot, told again what it was told."""
 
-    def __init__(self, robot: str, part: _Part, run: str, packets: Packets) -> None:
+    def __init__(self, robot: str, part: _RobotRecording, run: str, packets: Packets) -> None:
         self.differences: list[tuple[int, str, str]] = []
         self.unchecked: list[str] = []
         self.compared = 0
@@ -103,36 +103,36 @@ class _Check:
         """Check every stay of the robot in the run."""
         part = self._part
         begins = sorted(part.setups)
-        by_stay: dict[int, list[int]] = defaultdict(list)
+        by_participation: dict[int, list[int]] = defaultdict(list)
         for tick in sorted(part.commands):
             begun = max((first for first in begins if first <= tick), default=None)
             if begun is None:
                 self.differences.append((tick, self._robot, "command"))
             else:
-                by_stay[begun].append(tick)
-        for first, ticks in by_stay.items():
+                by_participation[begun].append(tick)
+        for first, ticks in by_participation.items():
             try:
-                self._stay(first, ticks)
-            except _Unknown as reason:
+                self._check_participation(first, ticks)
+            except _NotRecorded as reason:
                 self.unchecked.append(f"{self._robot}: {reason}")
 
-    def _stay(self, first: int, ticks: list[int]) -> None:
+    def _check_participation(self, first: int, ticks: list[int]) -> None:
         core = RobotCore(self._robot, self._run)
         core.receive(robot_key(self._run, self._robot, "setup"), self._part.setups[first])
         if core.setup is None:
             self.differences.append((first, self._robot, "setup"))
             return
-        robot = RealTimeCore(core)
-        for sender, number, came_us in self._heard(ticks):
+        robot = RealTimeRobotCore(core)
+        for sender, number, arrival_us in self._heard(ticks):
             if sender not in (ANSWERED, PASSED_OVER):
-                self._hear(robot, sender, number, came_us)
+                self._give_packet(robot, sender, number, arrival_us)
                 continue
             self._observe(robot, number)
             if sender == ANSWERED:
                 self._decide(robot, number)
                 ticks = [tick for tick in ticks if tick != number]
         if ticks:
-            raise _Unknown(
+            raise _NotRecorded(
                 f"what it had at tick {ticks[0]} is not recorded; not checked from there"
             )
 
@@ -141,33 +141,38 @@ class _Check:
         heard: dict[tuple[str, int], int] = {}
         for tick in ticks:
             timing = self._part.commands[tick].timing
-            for sender, number, came_us in timing[2] if timing else ():
-                heard.setdefault((sender, number), came_us)
+            for sender, number, arrival_us in timing[2] if timing else ():
+                heard.setdefault((sender, number), arrival_us)
         return [(sender, number, us) for (sender, number), us in heard.items()]
 
-    def _observe(self, robot: RealTimeCore, tick: int) -> None:
+    def _observe(self, robot: RealTimeRobotCore, tick: int) -> None:
         observation = self._part.observations.get(tick)
         if observation is None:
-            raise _Unknown(f"the observation of tick {tick} is not recorded")
+            raise _NotRecorded(f"the observation of tick {tick} is not recorded")
         robot.take(0, robot_key(self._run, self._robot, "observation"), observation)
 
-    def _hear(self, robot: RealTimeCore, sender: str, number: int, came_us: int) -> None:
+    def _give_packet(
+        self, robot: RealTimeRobotCore, sender: str, number: int, arrival_us: int
+    ) -> None:
         packet = self._packets.get((sender, number))
         if packet is None:
-            raise _Unknown(
+            raise _NotRecorded(
                 f"packet {number} of {sender}, which it heard, did not reach the world;"
                 " not checked from there"
             )
-        robot.take(came_us, robot_key(self._run, sender, "pose"), packet)
+        robot.take(arrival_us, robot_key(self._run, sender, "pose"), packet)
 
-    def _decide(self, robot: RealTimeCore, tick: int) -> None:
+    def _decide(self, robot: RealTimeRobotCore, tick: int) -> None:
         action = robot.decide()
         raise_failure(robot.core)
         if action is None:
             self.differences.append((tick, self._robot, "command"))
             return
-        said = {key.rsplit("/", 1)[1]: payload for key, payload in robot.said(action, 0)}
-        mine, theirs = decode(Command, said["command"], self._run), self._part.commands.get(tick)
+        messages = {key.rsplit("/", 1)[1]: payload for key, payload in robot.messages(action, 0)}
+        mine, theirs = (
+            decode(Command, messages["command"], self._run),
+            self._part.commands.get(tick),
+        )
         # One that is not recorded was lost on its way to the world.
         if theirs is not None:
             self.compared += 1
@@ -176,7 +181,7 @@ class _Check:
         recorded = self._part.poses.get(tick)
         if recorded is not None:
             self.compared += 1
-            pose = decode(Pose, said["pose"], self._run) if "pose" in said else None
+            pose = decode(Pose, messages["pose"], self._run) if "pose" in messages else None
             if pose is None or replace(pose, sent_us=None) != replace(recorded, sent_us=None):
                 self.differences.append((tick, self._robot, "pose"))
 

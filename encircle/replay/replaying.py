@@ -11,7 +11,7 @@ from pathlib import Path
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
 from encircle.protocol.messages import Command, Radio
-from encircle.replay.real_time_replay import replay_by_clock
+from encircle.replay.real_time_replay import replay_real_time
 from encircle.replay.replay_check import ReplayCheck, raise_failure
 from encircle.world.recording.recording import Recording, decoded, read_recording
 
@@ -24,7 +24,7 @@ def replay(source: str | Path | Recording) -> ReplayCheck:
     recording = source if isinstance(source, Recording) else read_recording(source)
     run = recording.run
     if recording.scenario.clock == "wall":
-        return replay_by_clock(recording)
+        return replay_real_time(recording)
     cores = {robot: RobotCore(robot, run) for robot in recording.scenario.ids}
     decided: dict[tuple[int, str, str], bytes] = {}
     differences: list[tuple[int, str, str]] = []
@@ -49,7 +49,7 @@ def replay(source: str | Path | Recording) -> ReplayCheck:
     last = max((tick for tick, _, _ in recording.messages), default=0)
     answered = max((tick for tick, _, _ in recording.of_channel("command")), default=-1)
     whole = answered if recording.complete else answered - 1
-    spoke = _spoke(recording)
+    spoke = _published_ticks(recording)
     for tick, robot, channel in decided:
         # One that was lost before it had answered in full is not asked next, or is set up first.
         asked_next = (tick + 1, robot, "observation") in heard
@@ -66,7 +66,7 @@ def replay(source: str | Path | Recording) -> ReplayCheck:
     )
 
 
-def _spoke(recording: Recording) -> set[tuple[int, str]]:
+def _published_ticks(recording: Recording) -> set[tuple[int, str]]:
     """The ticks at which robots had a packet on the radio, whatever became of it."""
     return {
         (tick, robot)

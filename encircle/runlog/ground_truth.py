@@ -26,7 +26,7 @@ RING_MISFIT_M_MAX = 0.5
 
 
 @dataclass(frozen=True)
-class Tracks:
+class GroundTruth:
     """The truth of a run, tick by tick.
 
     ``ticks``: (T,); ``positions``: (T, N + 1, 2) in m, robots in robot order, then the target;
@@ -69,11 +69,11 @@ class Tracks:
         """How it ended, in a few words."""
         tick = self.last_tick
         if self.captured:
-            told = f"captured at tick {tick} ({tick * self.scenario.tick_s:.1f} s)"
+            text = f"captured at tick {tick} ({tick * self.scenario.tick_s:.1f} s)"
             if len(self.captors) == len(self.arena.ids):
-                return told
+                return text
             needed = min(self.scenario.capture_count, int((~self.lost[-1]).sum()))
-            return f"{told} by {', '.join(self.captors)} ({needed} needed)"
+            return f"{text} by {', '.join(self.captors)} ({needed} needed)"
         if self.ended == "ticks":
             return f"not captured in {tick} ticks ({tick * self.scenario.tick_s:.1f} s)"
         return self.ended or f"unfinished, the recording ends at tick {tick}"
@@ -89,12 +89,12 @@ class Tracks:
     @cached_property
     def silent(self) -> NDArray[np.bool_]:
         """(T, N) which robots' radios were off by the scenario; not those that were lost."""
-        found = np.zeros(self.lost.shape, bool)
+        off = np.zeros(self.lost.shape, bool)
         for event in self.scenario.events:
             if isinstance(event, Silence):
                 during = (event.tick <= self.ticks) & (self.ticks < event.tick + event.ticks)
-                found[during, self.arena.ids.index(event.robot)] = True
-        return found & ~self.lost
+                off[during, self.arena.ids.index(event.robot)] = True
+        return off & ~self.lost
 
     @cached_property
     def moved_by_hand(self) -> tuple[int, ...]:
@@ -148,14 +148,14 @@ class Tracks:
         return float(self.gaps.min()), int(self.ticks[row]), (names[body], names[other])
 
 
-def tracks_of(recording: Recording) -> Tracks:
+def ground_truth_of(recording: Recording) -> GroundTruth:
     """The tracks in a recording; of one cut off before the first tick, the start alone."""
     arena = build(recording.scenario, recording.seed)
     states = [decoded(State, recording, t, p) for t, _, p in recording.of_channel("state")]
     ends = [decoded(End, recording, t, p) for t, _, p in recording.of_channel("end")]
     states = states or [truth(arena, initial(arena))]
     ticks = [s.tick for s in states]
-    return Tracks(
+    return GroundTruth(
         recording.scenario,
         arena,
         np.array(ticks),
@@ -239,7 +239,9 @@ def points_shared(recording: Recording) -> tuple[int, int]:
     return shared, len(several)
 
 
-def estimates_agree(recording: Recording, tracks: Tracks, tick: int, within_m: float) -> int | None:
+def estimates_agree(
+    recording: Recording, ground_truth: GroundTruth, tick: int, within_m: float
+) -> int | None:
     """The first tick from ``tick`` on at which every robot's estimate is near the target."""
     agreeing: dict[int, int] = {}
     for at, _, payload in recording.of_channel("command"):
@@ -247,6 +249,8 @@ def estimates_agree(recording: Recording, tracks: Tracks, tick: int, within_m: f
             continue
         estimate = decoded(Command, recording, at, payload).estimate
         if estimate is not None:
-            off = np.hypot(*(tracks.target[tracks.row(at)] - estimate))
+            off = np.hypot(*(ground_truth.target[ground_truth.row(at)] - estimate))
             agreeing[at] = agreeing.get(at, 0) + int(off <= within_m)
-    return next((at for at, n in sorted(agreeing.items()) if n == len(tracks.arena.ids)), None)
+    return next(
+        (at for at, n in sorted(agreeing.items()) if n == len(ground_truth.arena.ids)), None
+    )

@@ -40,7 +40,7 @@ def log_of_messages(
             "clock = 'wall': in a run by the clock robots miss ticks, and measures are of all;"
             " run it in lock-step, with the network as a trace (encircle trace)"
         )
-    heard = _Heard(build(scenario, seed), run)
+    heard = _LogBuilder(build(scenario, seed), run)
     for tick, topic, payload in messages:
         try:
             heard.take(tick, topic, payload)
@@ -49,7 +49,7 @@ def log_of_messages(
     return heard.log()
 
 
-class _Heard:
+class _LogBuilder:
     """A recording as it is read, and fresh robots that are told what the recorded ones were."""
 
     def __init__(self, arena: Arena, run: str) -> None:
@@ -67,8 +67,8 @@ class _Heard:
 
     def take(self, tick: int, topic: str, payload: bytes) -> None:
         """Take one message in."""
-        place, _, channel = topic.rpartition("/")
-        robot = place.rpartition("/")[2]
+        prefix, _, channel = topic.rpartition("/")
+        robot = prefix.rpartition("/")[2]
         if robot not in (("world",) if channel in ("state", "radio") else self.cores):
             raise RecordingError(f"{topic} of tick {tick}: the team is {', '.join(self.cores)}")
         if channel == "state":
@@ -112,7 +112,7 @@ class _Heard:
             rounds.copies.append(np.array(copies, np.int64) if copies else None)
             for robot in self.scenario.ids:
                 if (tick, robot) not in self.commands:
-                    rounds.lose()
+                    rounds.add_lost_robot()
                     continue
                 belief, command = self.decided[tick, robot]
                 self._check(tick, robot, command)

@@ -4,8 +4,8 @@ Measures (``encircle.measures.registry``) are functions of this and of nothing e
 rounds holds T + 1 ticks of truth and T rounds of decisions: round t is what the robots decide at
 tick t, on what they have seen and heard by then, and it leads to the truth at tick t + 1.
 
-There are two ways to a log, and both give the same arrays. A ``Collector`` looks on at a hunt in
-memory; it only keeps references to what the hunt makes anyway, and arrays are made once, at the
+There are two ways to a log, and both give the same arrays. A ``RunLogCollector`` looks on at a hunt
+in memory; it only keeps references to what the hunt makes anyway, and arrays are made once, at the
 end. ``recorded_log.log_of_recording`` takes a recording, of a hunt over whatever link; one that was
 cut off gives the log of its whole rounds.
 """
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.estimation.kalman import Estimate
-from encircle.agents.teamwork.peers import PeerTable, team_of, without
+from encircle.agents.teamwork.peers import PeerTable, planning_team, without_lost
 from encircle.protocol.messages import Command, Point
 from encircle.protocol.parameters import Parameters
-from encircle.runner.memory import Answer, little_garbage
+from encircle.runner.memory import RobotAnswer, rare_garbage_collection
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.scenario.model import MoveTarget, Scenario
 
@@ -75,7 +75,7 @@ class RunLog:
     copies: Integers
     sizes_bytes: Integers
     there: NDArray[np.bool_]
-    worked_out: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
+    cached_results: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
     """What several measures share, by name; see ``encircle.measures.common.once``."""
 
     @property
@@ -129,7 +129,7 @@ def belief_of(core: RobotCore) -> Belief:
     assert state is not None, "no setup yet"
     assert state.position is not None, "no decision yet"
     # Not the whole state: its track holds a window of estimates.
-    return Belief(state.position, without(state.peers, state.lost), state.track.estimate)
+    return Belief(state.position, without_lost(state.peers, state.lost), state.track.estimate)
 
 
 @dataclass(slots=True)
@@ -149,7 +149,7 @@ class Rounds:
     due: list[Integers] = field(default_factory=list)
     copies: list[Integers | None] = field(default_factory=list)
 
-    def lose(self) -> None:
+    def add_lost_robot(self) -> None:
         """The next robot in turn is lost: it believes, says and commands nothing."""
         self.commands.append(None)
         self.beliefs.append(None)
@@ -215,7 +215,7 @@ def _believed(beliefs: Sequence[Belief | None], count: int, parameters: Paramete
             continue
         position, peers, _ = belief
         tick, own = divmod(row, count)
-        members, _, positions = team_of(peers, own, position, tick, parameters)
+        members, _, positions = planning_team(peers, own, position, tick, parameters)
         if len(members) < count:
             known = dict(zip(members, positions, strict=True))
             positions = tuple([known.get(robot, NOWHERE) for robot in range(count)])
@@ -223,7 +223,7 @@ def _believed(beliefs: Sequence[Belief | None], count: int, parameters: Paramete
     return places
 
 
-class Collector:
+class RunLogCollector:
     """Looks on at one hunt (``run_in_memory(..., watch=collector)``); its log is had afterwards."""
 
     def __init__(self) -> None:
@@ -231,14 +231,14 @@ class Collector:
         self._world: WorldCore | None = None
 
     def decided(
-        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[Answer | None]
+        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[RobotAnswer | None]
     ) -> None:
         """Every robot that is there has answered at the world's tick."""
         self._look(world)
         rounds, name_bytes = self._rounds, len(world.run)
         for core, answer in zip(robots, answers, strict=True):
             if answer is None:
-                rounds.lose()
+                rounds.add_lost_robot()
                 continue
             packet, command = answer
             rounds.beliefs.append(belief_of(core))
@@ -262,7 +262,7 @@ class Collector:
         """The log of the hunt, which must be over."""
         assert self._world is not None, "the hunt is not over"
         arena, state = self._world.arena, self._world.state
-        with little_garbage():
+        with rare_garbage_collection():
             return log_of(
                 self._rounds, arena.scenario, arena.seed, state.captured, self._world.ended
             )

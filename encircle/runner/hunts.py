@@ -10,9 +10,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from encircle.protocol.process.interrupts import check, held
+from encircle.protocol.process.interrupts import check, signals_held
 from encircle.protocol.process.log import bounded_log
-from encircle.protocol.process.tracebacks import line_of
+from encircle.protocol.process.tracebacks import failure_line
 from encircle.world.coordinator.result import GO_ON, WHEN_LOST, Result
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import ScenarioRemark, remarks_on
@@ -27,7 +27,7 @@ from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
 if TYPE_CHECKING:
-    from encircle.runner.launch import Patience
+    from encircle.runner.launch import Timeouts
     from encircle.world.coordinator.world_core import WorldCore
     from encircle.world.recording.resuming import Resumed
 
@@ -90,7 +90,7 @@ def run(
     progress: Callable[[dict[str, Any]], None] | None = None,
     start_order: Sequence[str] | None = None,
     when_lost: str = GO_ON,
-    patience: "Patience | None" = None,
+    timeouts: "Timeouts | None" = None,
 ) -> Hunt:
     """Run one hunt and wait for its end.
 
@@ -99,7 +99,7 @@ def run(
     ``out``: a directory for recording and summary, which must be new or empty; none by default.
     ``progress`` is called now and then with ``{"tick", "distances_m"}``. ``when_lost``: whether the
     run is to ``go-on`` without a robot whose process is lost, or to ``end``. ``patience``: how long
-    processes are waited for, ``encircle.runner.launch.PATIENCE`` if left out.
+    processes are waited for, ``encircle.runner.launch.TIMEOUTS`` if left out.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
     unusable directory and ``RunFailed`` if the run does not come to its end; in memory
@@ -121,13 +121,13 @@ def run(
     tell = progress or (lambda _report: None)
     begun = time.perf_counter()
     try:
-        with held():
+        with signals_held():
             if link == "memory":
                 result, timing, processes = _in_memory(loaded, name, directory, tell)
             else:
                 order = start_order or ["world", *loaded.ids]
                 result, timing = _as_processes(
-                    loaded, name, directory, tell, order, when_lost, patience
+                    loaded, name, directory, tell, order, when_lost, timeouts
                 )
                 processes = len(order)
     finally:
@@ -145,7 +145,7 @@ def resume(
     link: str = "zenoh",
     progress: Callable[[dict[str, Any]], None] | None = None,
     when_lost: str = GO_ON,
-    patience: "Patience | None" = None,
+    timeouts: "Timeouts | None" = None,
 ) -> Hunt:
     """Go on with a run that broke off, where its recording in ``directory`` ends, to its end.
 
@@ -159,24 +159,26 @@ def resume(
 
     _check("link", link, LINKS)
     _check("when_lost", when_lost, WHEN_LOST)
-    place, tell = Path(directory), progress or (lambda _report: None)
+    run_directory, tell = Path(directory), progress or (lambda _report: None)
     begun = time.perf_counter()
-    with held():
-        resumed = rebuild(read_last(place), bounded_log())
+    with signals_held():
+        resumed = rebuild(read_last(run_directory), bounded_log())
         scenario, name = resumed.core.arena.scenario, resumed.core.run
         if link == "memory" or resumed.core.ended is not None:
-            result, timing, processes = _in_memory(scenario, name, place, tell, resumed)
+            result, timing, processes = _in_memory(scenario, name, run_directory, tell, resumed)
         else:
             from encircle.runner.launch import run_processes
 
-            arguments = ["--resume", str(place), "--when-lost", when_lost]
+            arguments = ["--resume", str(run_directory), "--when-lost", when_lost]
             order = ["world", *scenario.ids]
             result, timing = run_processes(
-                arguments, scenario.ids, name, tell, order, place, patience
+                arguments, scenario.ids, name, tell, order, run_directory, timeouts
             )
             processes = len(order)
     wall_s = time.perf_counter() - begun
-    return Hunt(scenario, scenario.seed, link, name, result, processes, wall_s, place, timing)
+    return Hunt(
+        scenario, scenario.seed, link, name, result, processes, wall_s, run_directory, timing
+    )
 
 
 def _check(name: str, value: str, known: Sequence[str]) -> None:
@@ -198,7 +200,7 @@ def _in_memory(
     resumed: "Resumed | None" = None,
 ) -> tuple[Result, dict[str, Any], int]:
     from encircle.runner.launch import RunFailed
-    from encircle.runner.memory import RunBroken, run_in_memory
+    from encircle.runner.memory import RunEndedByPlugin, run_in_memory
     from encircle.world.arena.engine import build
 
     arena = build(scenario, scenario.seed)
@@ -206,16 +208,16 @@ def _in_memory(
     check(" before the run began")
     recorder = start_recording(directory, scenario, name, so_far) if directory else None
     record = recorder.record if recorder else None
-    said, told = time.perf_counter(), 0
+    reported_s, reported = time.perf_counter(), 0
 
     def progress(world: "WorldCore") -> None:
-        nonlocal said, told
+        nonlocal reported_s, reported
         check(f" at tick {world.state.tick}")
-        for tick, robot, what in world.departures[told:]:
+        for tick, robot, what in world.departures[reported:]:
             tell({"departure": [tick, robot, what]})
-        told = len(world.departures)
-        if time.perf_counter() - said >= PROGRESS_PERIOD_S:
-            said = time.perf_counter()
+        reported = len(world.departures)
+        if time.perf_counter() - reported_s >= PROGRESS_PERIOD_S:
+            reported_s = time.perf_counter()
             tell({"tick": world.state.tick, "distances_m": list(world.result().distances_m)})
 
     begun, failure = time.perf_counter(), ""
@@ -225,8 +227,8 @@ def _in_memory(
                 result = run_in_memory(
                     arena, name, bounded_log(), record, progress, resumed=resumed
                 )
-            except RunBroken as error:
-                failure = line_of(error.failed, directory)
+            except RunEndedByPlugin as error:
+                failure = failure_line(error.failed, directory)
                 result = replace(error.result, ended=f"failed: {failure}")
         timing = {"rounds_s": time.perf_counter() - begun}
         tell({"result": asdict(result)})
@@ -246,7 +248,7 @@ def _as_processes(
     tell: Callable[[dict[str, Any]], None],
     order: Sequence[str],
     when_lost: str,
-    patience: "Patience | None",
+    timeouts: "Timeouts | None",
 ) -> tuple[Result, dict[str, Any]]:
     from encircle.runner.launch import run_processes
 
@@ -256,7 +258,7 @@ def _as_processes(
         path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
         arguments = [str(path), *(["--out", str(directory)] if directory else [])]
         arguments += ["--when-lost", when_lost]
-        return run_processes(arguments, scenario.ids, name, tell, order, directory, patience)
+        return run_processes(arguments, scenario.ids, name, tell, order, directory, timeouts)
 
 
 def default_directory(scenario_name: str, seed: int) -> Path:

@@ -18,16 +18,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from encircle.protocol.process.interrupts import told_to
+from encircle.protocol.process.interrupts import signals_to
 from encircle.protocol.process.log import printable
-from encircle.protocol.process.tracebacks import KEPT_IN
+from encircle.protocol.process.tracebacks import TRACEBACK_IN
 from encircle.protocol.programs.options import without_settings
 from encircle.world.coordinator.result import Result
 from encircle.world.scenario.errors import ScenarioError
 
 STOP_S_MAX = 3.0
 SILENCE_S_MAX = 6.0
-HELD_S = 1.0
+FAILURE_GRACE_S = 1.0
 BAD_CONFIGURATION = 2
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """A robot's matrices are tiny; a pool of idle threads in every process only costs memory."""
@@ -36,7 +36,7 @@ ERROR_LINES_MAX = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Patience:
+class Timeouts:
     """How long to wait, in s, for processes at the start and for whoever has to answer.
 
     A machine that is busy with other things needs more of it than others. It is for hangs alone:
@@ -52,7 +52,7 @@ class Patience:
         return max(SILENCE_S_MAX, 2.0 * self.answer_s_max)
 
 
-PATIENCE = Patience()
+TIMEOUTS = Timeouts()
 
 
 class RunFailed(Exception):
@@ -80,7 +80,7 @@ def run_processes(
     report: Callable[[dict[str, Any]], None],
     start_order: Sequence[str] | None = None,
     directory: Path | None = None,
-    patience: Patience | None = None,
+    timeouts: Timeouts | None = None,
 ) -> tuple[Result, dict[str, Any]]:
     """Run a hunt with one process per robot; returns its result and timings.
 
@@ -88,8 +88,8 @@ def run_processes(
     world's reports, and ``{"started": {name: pid}, "run": name, "endpoint": endpoint}`` first.
     ``start_order`` is for tests; ``directory``: that of the run, if any. Raises ``RunFailed``.
     """
-    launch = _Launch(run, robots, report, directory, patience or PATIENCE)
-    with told_to(launch.interrupt):
+    launch = _Launch(run, robots, report, directory, timeouts or TIMEOUTS)
+    with signals_to(launch.interrupt):
         found = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
     if launch.interrupted or found is None:
         raise launch.stopped()
@@ -103,13 +103,13 @@ class _Launch:
         robots: Sequence[str],
         report: Callable[[dict[str, Any]], None],
         directory: Path | None,
-        patience: Patience,
+        timeouts: Timeouts,
     ) -> None:
         self.name = run
         self.robots = robots
-        self.own = ["--tracebacks", str(directory)] if directory is not None else []
+        self.robot_options = ["--tracebacks", str(directory)] if directory is not None else []
         self.report = report
-        self.patience = patience
+        self.timeouts = timeouts
         self.endpoint = free_endpoint()
         self.processes: dict[str, asyncio.subprocess.Process] = {}
         self.result: dict[str, Any] | None = None
@@ -118,10 +118,10 @@ class _Launch:
         self.interrupted = ""
         self._loop: asyncio.AbstractEventLoop | None = None
         self.failed: list[str] = []
-        self.held_s: dict[str, float] = {}
+        self.failure_due_s: dict[str, float] = {}
         self.begun = False
         self.silent = False
-        self.heard_s = 0.0
+        self.last_report_s = 0.0
 
     async def run(
         self, world_arguments: Sequence[str], order: Sequence[str]
@@ -140,7 +140,7 @@ class _Launch:
         return None if self.interrupted else self._outcome()
 
     async def _start(self, name: str, world_arguments: Sequence[str]) -> None:
-        own = (
+        robot_options = (
             [
                 *(
                     "encircle.world",
@@ -150,15 +150,22 @@ class _Launch:
                     "--parent",
                     "--json",
                 ),
-                *("--answer-timeout", f"{self.patience.answer_s_max}"),
+                *("--answer-timeout", f"{self.timeouts.answer_s_max}"),
             ]
             if name == "world"
-            else ["encircle.agents", name, "--connect", self.endpoint, "--quiet", *self.own]
+            else [
+                "encircle.agents",
+                name,
+                "--connect",
+                self.endpoint,
+                "--quiet",
+                *self.robot_options,
+            ]
         )
         pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
         self.processes[name] = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", *own, "--run", self.name),
-            *("--join-timeout", f"{self.patience.join_s_max}"),
+            *(sys.executable, "-m", *robot_options, "--run", self.name),
+            *("--join-timeout", f"{self.timeouts.join_s_max}"),
             stdin=pipe if name == "world" else none,
             stdout=pipe if name == "world" else none,
             stderr=pipe,
@@ -181,32 +188,36 @@ class _Launch:
                 or self._has_ended("world")
                 or (not self.begun and any(map(self._has_ended, self.processes)))
             )
-            silence_s = time.monotonic() - self.heard_s if self.begun else 0.0
-            s_max = max(0.0, self.patience.silence_s_max - silence_s)
+            silence_s = time.monotonic() - self.last_report_s if self.begun else 0.0
+            s_max = max(0.0, self.timeouts.silence_s_max - silence_s)
             done, waiting = await asyncio.wait(
                 waiting,
-                timeout=STOP_S_MAX if ending else min(s_max, HELD_S) if self.held_s else s_max,
+                timeout=STOP_S_MAX
+                if ending
+                else min(s_max, FAILURE_GRACE_S)
+                if self.failure_due_s
+                else s_max,
                 return_when=asyncio.FIRST_COMPLETED,
             )
             if ending and not done:
                 break
             # The world speaks up when a robot does not answer; nobody does when the world hangs.
-            silence_s = time.monotonic() - self.heard_s
-            self.silent = self.begun and silence_s >= self.patience.silence_s_max
-            self._look_at_ends()
+            silence_s = time.monotonic() - self.last_report_s
+            self.silent = self.begun and silence_s >= self.timeouts.silence_s_max
+            self._note_endings()
             if self.processes["world"].returncode not in (None, 0):
                 # Robots would wait for it to come back.
                 break
         await self._stop_all()
         # All have ended, and what they said last is there to be read.
-        await asyncio.wait(readers, timeout=self.patience.answer_s_max)
+        await asyncio.wait(readers, timeout=self.timeouts.answer_s_max)
         for reader in readers:
             reader.cancel()
 
     def _has_ended(self, name: str) -> bool:
         return self.processes[name].returncode is not None
 
-    def _look_at_ends(self) -> None:
+    def _note_endings(self) -> None:
         """Note who failed first, and say how robots have ended in mid-run.
 
         Of one that was not killed, when the world is still there after a moment: it may have told
@@ -216,19 +227,19 @@ class _Launch:
         for name, process in self.processes.items():
             if process.returncode and name not in self.failed:
                 self.failed.append(name)
-                self.held_s[name] = now_s + HELD_S * (process.returncode > 0)
+                self.failure_due_s[name] = now_s + FAILURE_GRACE_S * (process.returncode > 0)
         if not self.begun or self._has_ended("world") or self.interrupted:
-            self.held_s.clear()
-        for name in [name for name, due_s in self.held_s.items() if now_s >= due_s]:
-            del self.held_s[name]
-            self.report({"log": self._how_robot_ended(name)})
+            self.failure_due_s.clear()
+        for name in [name for name, due_s in self.failure_due_s.items() if now_s >= due_s]:
+            del self.failure_due_s[name]
+            self.report({"log": self._robot_ending(name)})
 
     async def _read_reports(self) -> None:
         stream = self.processes["world"].stdout
         assert stream is not None
         async for line in stream:
             report = json.loads(line)
-            self.heard_s = time.monotonic()
+            self.last_report_s = time.monotonic()
             self.result = report.get("result", self.result)
             # The run may have ended before its first report.
             joined = self.result is not None and self.result["joined_s"] is not None
@@ -272,7 +283,7 @@ class _Launch:
             # It would not do anything else that it is asked either.
             self.processes["world"].kill()
         # A world that was asked to end has a recording to complete.
-        for end, s_max in (("terminate", self.patience.answer_s_max), ("kill", STOP_S_MAX)):
+        for end, s_max in (("terminate", self.timeouts.answer_s_max), ("kill", STOP_S_MAX)):
             living = [p for p in self.processes.values() if p.returncode is None]
             for process in living:
                 getattr(process, end)()
@@ -300,7 +311,7 @@ class _Launch:
                 raise RunFailed(self._first_failure())
             reason = result.ended.removeprefix("failed: ")
             how = [
-                f" ({_how_ended(p.returncode)})"
+                f" ({_ending(p.returncode)})"
                 for name, p in self.processes.items()
                 if reason.startswith(f"robot {name} ") and p.returncode
             ]
@@ -309,13 +320,13 @@ class _Launch:
 
     def _failure_of_plugins(self, reason: str) -> str:
         """The line that tells of a plug-in that failed, in the world or in robots, if one has."""
-        if KEPT_IN in reason:
+        if TRACEBACK_IN in reason:
             return reason
         found = {
             robot: line.removeprefix(f"robot {robot}: ")
             for robot in self.robots
             for line in self.errors.get(robot, ())
-            if KEPT_IN in line
+            if TRACEBACK_IN in line
         }
         first, *others = found or [""]
         # As a rule robots with the same strategy fail at the same tick.
@@ -324,32 +335,36 @@ class _Launch:
     def _first_failure(self) -> str:
         """Why there is no result at all: what the first process to fail said, or how it ended."""
         if self.silent:
-            s_max = self.patience.silence_s_max
+            s_max = self.timeouts.silence_s_max
             return f"the world has said nothing for {s_max:g} s at tick {self.tick}"
         name = "world" if self.begun or not self.failed else self.failed[0]
-        said = [line for line in self.errors.get(name, []) if not _in_passing(line)]
+        own_lines = [line for line in self.errors.get(name, []) if not _is_transient(line)]
         status = self.processes[name].returncode
         if name == "world" and status is not None and status < 0:
-            return f"the world {_how_ended(status)} at tick {self.tick}"
+            return f"the world {_ending(status)} at tick {self.tick}"
         if name == "world":
             # A configuration error has several lines, each of which helps.
-            return "\n".join(said) or f"the world {_how_ended(status)} at tick {self.tick}"
-        return self._how_robot_ended(name)
+            return "\n".join(own_lines) or f"the world {_ending(status)} at tick {self.tick}"
+        return self._robot_ending(name)
 
-    def _how_robot_ended(self, name: str) -> str:
+    def _robot_ending(self, name: str) -> str:
         """How a robot's process ended; if by itself, with the last that it said, as of an error."""
-        said = [line for line in self.errors.get(name, []) if not _in_passing(line)]
+        own_lines = [line for line in self.errors.get(name, []) if not _is_transient(line)]
         status = self.processes[name].returncode
-        last = f": {said[-1] if said else 'it said nothing'}" if status and status > 0 else ""
-        return f"robot {name} {_how_ended(status)}{last}"
+        last = (
+            f": {own_lines[-1] if own_lines else 'it said nothing'}"
+            if status and status > 0
+            else ""
+        )
+        return f"robot {name} {_ending(status)}{last}"
 
 
-def _in_passing(line: str) -> bool:
+def _is_transient(line: str) -> bool:
     """Whether it tells of something that a party goes on after."""
     return " refused " in line or line.startswith("world: tick ")
 
 
-def _how_ended(status: int | None) -> str:
+def _ending(status: int | None) -> str:
     if status is not None and status < 0:
         return f"was killed by {signal.Signals(-status).name}"
     return f"ended with status {status}"

@@ -23,14 +23,14 @@ from encircle.world.recording.resuming import Resumed
 GARBAGE_THRESHOLD = 100_000
 
 
-class Answer(NamedTuple):
+class RobotAnswer(NamedTuple):
     """One robot's answer at a tick. ``packet``: its encoded pose, empty if it publishes none."""
 
     packet: bytes
     command: Command
 
 
-class RunBroken(Exception):
+class RunEndedByPlugin(Exception):
     """A run that a plug-in has ended: how it failed, and what had come of the run so far."""
 
     def __init__(self, failed: PluginFailed, result: Result) -> None:
@@ -39,11 +39,11 @@ class RunBroken(Exception):
         self.result = result
 
 
-class Watch(Protocol):
+class RunObserver(Protocol):
     """Someone who looks on at a hunt in memory, and must change nothing."""
 
     def decided(
-        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[Answer | None]
+        self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[RobotAnswer | None]
     ) -> None:
         """All robots have answered, in robot order, at the tick that ``world.state`` shows.
 
@@ -61,37 +61,37 @@ def run_in_memory(
     log: Callable[[str], None],
     record: Record | None = None,
     progress: Callable[[WorldCore], None] | None = None,
-    watch: Watch | None = None,
+    observer: RunObserver | None = None,
     resumed: Resumed | None = None,
 ) -> Result:
     """Run a hunt to its end; ``progress`` is called at every tick but the last.
 
-    ``resumed``: a hunt to go on with instead of beginning one. ``RunBroken`` if a strategy or the
-    target's behaviour fails.
+    ``resumed``: a hunt to go on with instead of beginning one. ``RunEndedByPlugin`` if a
+    strategy or the target's behaviour fails.
     """
-    with little_garbage():
+    with rare_garbage_collection():
         cores = {robot: RobotCore(robot, run, log) for robot in arena.ids}
         if resumed is None:
             world = WorldCore(arena, run, log, record)
             for robot, core in cores.items():
                 for key, payload in world.join(robot):
                     core.receive(key, payload)
-            asked = _asked(world, cores, watch)
+            observations = _next_observations(world, cores, observer)
         else:
             world = resumed.core
             world.record = record
-            asked = _asked_again(resumed, cores)
+            observations = _resumed_observations(resumed, cores)
         try:
-            _run(world, cores, asked, progress, watch)
+            _run(world, cores, observations, progress, observer)
         except PluginFailed as error:
             world.give_up(error)
-        if world.broken is not None:
-            raise RunBroken(world.broken, world.result()) from world.broken
+        if world.plugin_failure is not None:
+            raise RunEndedByPlugin(world.plugin_failure, world.result()) from world.plugin_failure
         return world.result()
 
 
 @contextmanager
-def little_garbage() -> Iterator[None]:
+def rare_garbage_collection() -> Iterator[None]:
     """Look for cycles rarely, where many tuples are made and no cycles."""
     thresholds = gc.get_threshold()
     # In a hunt, looking for cycles costs a twentieth.
@@ -105,55 +105,55 @@ def little_garbage() -> Iterator[None]:
 def _run(
     world: WorldCore,
     cores: Mapping[str, RobotCore],
-    asked: list[Observation],
+    observations: list[Observation],
     progress: Callable[[WorldCore], None] | None,
-    watch: Watch | None,
+    observer: RunObserver | None,
 ) -> None:
     robots, run = tuple(cores.values()), world.run
-    while asked:
-        answers: dict[str, Answer] = {}
-        for observation in asked:
+    while observations:
+        answers: dict[str, RobotAnswer] = {}
+        for observation in observations:
             core = cores[observation.robot]
             pose, command = core.decide(observation)
             packet = b"" if pose is None else encode(pose, run)
             if pose is not None:
                 remember_pose(pose, packet, run)
             world.answer(pose, packet, command, encode(command, run))
-            answers[core.robot] = Answer(packet, command)
-        world.settle()
-        if watch is not None:
-            watch.decided(world, robots, [answers.get(robot) for robot in cores])
+            answers[core.robot] = RobotAnswer(packet, command)
+        world.commit()
+        if observer is not None:
+            observer.decided(world, robots, [answers.get(robot) for robot in cores])
         if progress is not None:
             progress(world)
-        asked = _asked(world, cores, watch)
-    if watch is not None and world.broken is None:
-        watch.ended(world)
+        observations = _next_observations(world, cores, observer)
+    if observer is not None and world.plugin_failure is None:
+        observer.ended(world)
 
 
-def _asked(
-    world: WorldCore, cores: Mapping[str, RobotCore], watch: Watch | None
+def _next_observations(
+    world: WorldCore, cores: Mapping[str, RobotCore], observer: RunObserver | None
 ) -> list[Observation]:
     """The observations of the next round that anyone is there for; none when the run is over."""
-    while not (asked := world.ask()) and world.ended is None:
-        if watch is not None:
-            watch.decided(world, tuple(cores.values()), [None] * len(cores))
+    while not (observations := world.ask()) and world.ended is None:
+        if observer is not None:
+            observer.decided(world, tuple(cores.values()), [None] * len(cores))
     for key, payload in world.setups:
         cores[parse_key(key).robot or ""].receive(key, payload)
-    return asked
+    return observations
 
 
-def _asked_again(resumed: Resumed, cores: Mapping[str, RobotCore]) -> list[Observation]:
+def _resumed_observations(resumed: Resumed, cores: Mapping[str, RobotCore]) -> list[Observation]:
     """The observations of the round that was under way; each robot is told what it has to know."""
-    world, asked = resumed.core, []
+    world, observations = resumed.core, []
     for robot in world.lost:
         # It is there now, and asked again from the next round on.
         world.join(robot)
-    for robot, briefing in resumed.briefings.items():
-        for key, payload in briefing:
+    for robot, history in resumed.histories.items():
+        for key, payload in history:
             cores[robot].receive(key, payload)
     for key, payload in world.unanswered():
         if key.endswith("/observation"):
-            asked.append(decode(Observation, payload, world.run))
+            observations.append(decode(Observation, payload, world.run))
         else:
             cores[parse_key(key).robot or ""].receive(key, payload)
-    return asked
+    return observations

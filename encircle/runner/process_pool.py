@@ -13,10 +13,15 @@ from multiprocessing import active_children, connection, get_context, parent_pro
 from os import _exit
 from typing import TypeVar
 
-from encircle.protocol.process.interrupts import check, held, leave_to_parent, shielding
+from encircle.protocol.process.interrupts import (
+    check,
+    leave_sigint_to_parent,
+    sigint_blocked,
+    signals_held,
+)
 
 TASKS_PER_WORKER = 3
-LOOK_S = 0.1
+LOOK_PERIOD_S = 0.1
 
 Task = TypeVar("Task")
 Done = TypeVar("Done")
@@ -55,19 +60,19 @@ def in_order(
 
     ``tell`` gets how many are done, and how many there are. ``Interrupted`` after Ctrl-C.
     """
-    places = range(len(jobs))
-    tasks = ([(k, jobs[k]) for k in places[at : at + chunk]] for at in places[::chunk])
+    indices = range(len(jobs))
+    tasks = ([(k, jobs[k]) for k in indices[at : at + chunk]] for at in indices[::chunk])
     found: dict[int, Done] = {}
     tell(0, len(jobs))
-    with held(), closing(in_processes(partial(_each, work), tasks, workers)) as finished:
+    with signals_held(), closing(in_processes(partial(_each, work), tasks, workers)) as finished:
         for done in finished:
             found |= done
             tell(len(found), len(jobs))
-    return [found[place] for place in places]
+    return [found[index] for index in indices]
 
 
 def _each(work: Callable[[Job], Done], jobs: Sequence[tuple[int, Job]]) -> dict[int, Done]:
-    return {place: work(job) for place, job in jobs}
+    return {index: work(job) for index, job in jobs}
 
 
 def _done(
@@ -75,7 +80,7 @@ def _done(
 ) -> Iterator[Done]:
     waiting: set[futures.Future[Done]] = set()
     for task in tasks:
-        with shielding():
+        with sigint_blocked():
             waiting.add(pool.submit(work, task))
         while len(waiting) >= TASKS_PER_WORKER * workers:
             done, waiting = _some(waiting)
@@ -89,13 +94,13 @@ def _some(
     waiting: "set[futures.Future[Done]]",
 ) -> "tuple[set[futures.Future[Done]], set[futures.Future[Done]]]":
     check()
-    done, rest = futures.wait(waiting, LOOK_S, futures.FIRST_COMPLETED)
+    done, rest = futures.wait(waiting, LOOK_PERIOD_S, futures.FIRST_COMPLETED)
     return done, rest
 
 
 def _prepare() -> None:
     """In a new worker: leave Ctrl-C to the parent, and end when the parent does."""
-    leave_to_parent()
+    leave_sigint_to_parent()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

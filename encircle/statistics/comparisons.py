@@ -36,7 +36,7 @@ SUMS_MAX = 2**17
 """How many different sums of differences are told apart; finer ones are rounded to that."""
 
 
-class Decision(StrEnum):
+class Verdict(StrEnum):
     """What may be said of a difference."""
 
     HIGHER = "higher"
@@ -62,21 +62,21 @@ class Difference(NamedTuple):
     p_corrected: float = np.nan
 
     @property
-    def decision(self) -> Decision:
+    def verdict(self) -> Verdict:
         """What is decided after correction."""
-        return self._decided(self.p_corrected)
+        return self._verdict(self.p_corrected)
 
     @property
-    def decision_alone(self) -> Decision:
+    def verdict_alone(self) -> Verdict:
         """What would be decided if this were the only test."""
-        return self._decided(self.p)
+        return self._verdict(self.p)
 
-    def _decided(self, p: float) -> Decision:
+    def _verdict(self, p: float) -> Verdict:
         if p <= ALPHA and self.mean.low > 0.0:
-            return Decision.HIGHER
+            return Verdict.HIGHER
         if p <= ALPHA and self.mean.high < 0.0:
-            return Decision.LOWER
-        return Decision.UNDECIDED
+            return Verdict.LOWER
+        return Verdict.UNDECIDED
 
 
 def rate_difference(captured_a: ArrayLike, captured_b: ArrayLike) -> Difference:
@@ -178,15 +178,15 @@ def holm(p: ArrayLike) -> Floats:
     alone = np.asarray(p, np.float64)
     order = np.argsort(alone)
     left = np.maximum((~np.isnan(alone)).sum() - np.arange(alone.size), 1)
-    found = np.empty_like(alone)
-    found[order] = np.minimum(np.maximum.accumulate(alone[order] * left), 1.0)
-    return found
+    p_values = np.empty_like(alone)
+    p_values[order] = np.minimum(np.maximum.accumulate(alone[order] * left), 1.0)
+    return p_values
 
 
 def corrected(tests: Sequence[Difference]) -> list[Difference]:
     """Tests that are told together, with their corrected p."""
-    found = holm([test.p for test in tests])
-    return [test._replace(p_corrected=float(p)) for test, p in zip(tests, found, strict=True)]
+    p_values = holm([test.p for test in tests])
+    return [test._replace(p_corrected=float(p)) for test, p in zip(tests, p_values, strict=True)]
 
 
 def _changes(a: ArrayLike, b: ArrayLike) -> Floats:

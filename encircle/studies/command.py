@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from encircle.progress import Progress, Tell
-from encircle.protocol.process.interrupts import Interrupted, held, saying
+from encircle.protocol.process.interrupts import Interrupted, exit_message, signals_held
 from encircle.protocol.process.log import say, say_error
 from encircle.studies.plan_files import load_plan
-from encircle.studies.report.claims import findings
+from encircle.studies.report.claims import summary_sentences
 from encircle.studies.report.failures import last_line
 from encircle.studies.report.report import write_report
 from encircle.studies.study import Study
@@ -49,11 +49,11 @@ def run_study(request: Request) -> dict[str, Any]:
     study = Study(plan, request.out)
     for remark in plan.remarks():
         say_error(f"encircle: {remark}")
-    with held(), Progress(plan.name) as progress:
+    with signals_held(), Progress(plan.name) as progress:
         ran = _run(study, request, progress)
     say_error(f"{plan.name}: writing the report")
     done = f"; all {plan.runs} runs are done, the same command writes the report"
-    with saying(done, "the study stopped: "), closing(study.open()) as table:
+    with exit_message(done, "the study stopped: "), closing(study.open()) as table:
         summary = summarise(plan, table) if table.whole_seeds else None
         report = write_report(plan, table, study.directory, request.command, summary=summary)
         failed = int(table.failed.sum())
@@ -69,7 +69,7 @@ def run_study(request: Request) -> dict[str, Any]:
         "fingerprint": plan.fingerprint,
         "out": str(study.directory),
         "report": str(report),
-        "findings": findings(summary) if summary else [],
+        "findings": summary_sentences(summary) if summary else [],
     }
 
 

@@ -54,4 +54,4 @@ def _numbers(one: Comparison | Overall) -> Iterator[Any]:
     for name in CLAIMS:
         test = getattr(one, name)
         yield from (f"{number:.10g}" for number in (*test.mean, test.p, test.p_corrected))
-        yield str(test.decision)
+        yield str(test.verdict)

@@ -175,16 +175,16 @@ class Axis(_Model):
         """Whether the levels are numbers, to be drawn on a scale."""
         return all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.levels)
 
-    def changes(self, place: int) -> dict[str, Any]:
+    def changes(self, index: int) -> dict[str, Any]:
         """Keys and values of the level at a place."""
         if self.arms is not None:
-            return self.arms[place].set
+            return self.arms[index].set
         assert self.key is not None
-        return {self.key: self.levels[place]}
+        return {self.key: self.levels[index]}
 
-    def column(self, place: int) -> Any:
+    def column(self, index: int) -> Any:
         """The level at a place as it stands in the table: of one type for the whole axis."""
-        level = self.levels[place]
+        level = self.levels[index]
         if self.numeric:
             return float(level)
         return level if isinstance(level, str) else _text(level)
@@ -301,12 +301,12 @@ class Plan(_Model):
     def levels(self, cell: int) -> dict[str, Any]:
         """Axis names and levels of a cell."""
         pairs = zip(self.all_axes, self.cells[cell], strict=True)
-        return {axis.name: axis.column(place) for axis, place in pairs}
+        return {axis.name: axis.column(index) for axis, index in pairs}
 
     def scenario_of(self, cell: int) -> Scenario:
         """The scenario of a cell, but for its seed; ``ScenarioError`` if it cannot be run."""
         levels = zip(self.all_axes, self.cells[cell], strict=True)
-        lines = [line for axis, place in levels for line in _lines(axis.changes(place))]
+        lines = [line for axis, index in levels for line in _lines(axis.changes(index))]
         return load(self.scenario, [*_lines(self.set), *self.changes, *lines])
 
     def remarks(self) -> list[str]:

@@ -70,7 +70,7 @@ def _validated(tree: dict[str, Any]) -> tuple[Plan | None, dict[tuple[str | int,
     keys = {path[0] for path in refused if path[0] != "axes" or len(path) == 1}
     rest = {key: value for key, value in tree.items() if key not in keys}
     if places and "axes" in rest:
-        rest["axes"] = [axis for place, axis in enumerate(rest["axes"]) if place not in places]
+        rest["axes"] = [axis for index, axis in enumerate(rest["axes"]) if index not in places]
     try:
         return Plan.model_validate({"scenario": {}, **rest}), refused
     except ValidationError:

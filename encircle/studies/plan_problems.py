@@ -19,10 +19,10 @@ def problems_of(plan: Plan, left_out: Collection[str] = ()) -> list[str]:
     ``left_out``: keys of the study that are wrong in themselves and so are left out of the plan,
     whole or in part. What follows from their absence is no problem of its own.
     """
-    found = [*_of_names(plan, left_out), *_of_size(plan)]
+    problems = [*_of_names(plan, left_out), *_of_size(plan)]
     if cells_of(plan) <= CELLS_MAX and not {"scenario", "set"} & set(left_out):
-        found += [line for line in _of_cells(plan) if "axes" not in left_out or GIVE not in line]
-    return found
+        problems += [line for line in _of_cells(plan) if "axes" not in left_out or GIVE not in line]
+    return problems
 
 
 def cells_of(plan: Plan) -> int:
@@ -53,16 +53,16 @@ def lines_of(error: ScenarioError) -> list[str]:
 
 
 def _of_names(plan: Plan, left_out: Collection[str]) -> list[str]:
-    found = []
+    problems = []
     names = [axis.name for axis in plan.all_axes]
     taken = {*RESERVED, *MEASURES}
-    found += [f"axes: {n!r} stands twice" for n in sorted(set(names)) if names.count(n) > 1]
-    found += [
+    problems += [f"axes: {n!r} stands twice" for n in sorted(set(names)) if names.count(n) > 1]
+    problems += [
         f"axes.{k}.name = {n!r}: is a column of the table"
         for k, n in enumerate(names)
         if n in taken
     ]
-    found += [
+    problems += [
         f"measures: {name!r} is not known{did_you_mean(name, MEASURES)};"
         f" known are: {', '.join(MEASURES)}"
         for name in plan.measures
@@ -70,9 +70,9 @@ def _of_names(plan: Plan, left_out: Collection[str]) -> list[str]:
     ]
     if {"axes", "strategies"} & set(left_out):
         # Whether there is such an axis or level is to be seen once those are right.
-        return found
+        return problems
     if plan.compare is not None and plan.compare not in names:
-        found.append(
+        problems.append(
             f"compare = {plan.compare!r}: must be one of the axes {', '.join(names) or '(none)'}"
             f"{did_you_mean(plan.compare, names)}"
         )
@@ -81,14 +81,16 @@ def _of_names(plan: Plan, left_out: Collection[str]) -> list[str]:
         if axis is None or plan.baseline not in map(str, axis.levels):
             known = ", ".join(map(str, axis.levels)) if axis else "none, as nothing is compared"
             near = did_you_mean(plan.baseline, map(str, axis.levels)) if axis else ""
-            found.append(f"baseline = {plan.baseline!r}: must be one of the levels ({known}){near}")
-    return found
+            problems.append(
+                f"baseline = {plan.baseline!r}: must be one of the levels ({known}){near}"
+            )
+    return problems
 
 
 def _of_size(plan: Plan) -> list[str]:
-    found = []
+    problems = []
     if any(axis.key == "seed" for axis in plan.axes) or "seed" in plan.set:
-        found.append("key 'seed': every cell is run with the study's seeds, give those")
+        problems.append("key 'seed': every cell is run with the study's seeds, give those")
     if (cells := cells_of(plan)) > CELLS_MAX:
-        found.append(f"axes: {cells} cells, at most {CELLS_MAX} are allowed")
-    return found
+        problems.append(f"axes: {cells} cells, at most {CELLS_MAX} are allowed")
+    return problems

@@ -19,28 +19,28 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from encircle.protocol.errors import LinkClosed
+from encircle.protocol.errors import ConnectionClosed
 from encircle.protocol.keys import robot_key, world_key
-from encircle.protocol.messages import FAILED_FOR
+from encircle.protocol.messages import FAILED_PREFIX
 from encircle.protocol.plugins import PluginFailed
-from encircle.protocol.process.interrupts import check, is_kept
+from encircle.protocol.process.interrupts import check, is_signal_held
 from encircle.protocol.process.log import bounded_log
 from encircle.protocol.programs.options import without_settings
-from encircle.protocol.zenoh.connection import LinkError, ZenohLink
-from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.connection import ConnectionFailed, ZenohConnection
+from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.runlog.recorded_log import log_of_messages
 from encircle.runlog.runlog import RunLog
 from encircle.runner import launch
-from encircle.runner.launch import ONE_THREAD, STOP_S_MAX, Patience, free_endpoint
-from encircle.studies.one_run import FAILED, Row, Task, failed_row, row, run_seed
+from encircle.runner.launch import ONE_THREAD, STOP_S_MAX, Timeouts, free_endpoint
 from encircle.studies.plan import Plan
 from encircle.studies.sources import versions
+from encircle.studies.tasks import FAILED, Row, Task, failed_row, row, run_seed
 from encircle.studies.workers import StudyFailed
 from encircle.world.arena.engine import Arena, build
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.loading.load import load
 from encircle.world.process.sending import send
-from encircle.world.process.server import ASK_AGAIN_S, run_rounds
+from encircle.world.process.server import RESEND_PERIOD_S, run_rounds
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
@@ -53,7 +53,7 @@ def over_zenoh(plan: Plan, tasks: Iterator[Task], code: str) -> Generator[list[R
 
     ``code``: the digest of the sources that the robots, started here, import.
     """
-    told = code, json.dumps(versions(plan.plugins))
+    code_identity = code, json.dumps(versions(plan.plugins))
     team = max((plan.scenario_of(cell).ids for cell in range(len(plan.cells))), key=len)
     with ExitStack() as stack:
         session = None
@@ -62,9 +62,9 @@ def over_zenoh(plan: Plan, tasks: Iterator[Task], code: str) -> Generator[list[R
             for seed in task.seeds:
                 check()
                 session = session or stack.enter_context(Session(team))
-                found = _run(session, task, scenario, seed, told)
-                yield [found]
-                if found[FAILED]:
+                finished = _run(session, task, scenario, seed, code_identity)
+                yield [finished]
+                if finished[FAILED]:
                     # What is still under way of that run must not come into the next one.
                     stack.close()
                     session = None
@@ -77,7 +77,7 @@ def _run(
     try:
         log, digest = session.hunt(build(scenario, seed))
         return row(task, log, digest, begun_s, code)
-    except RunEnded as error:
+    except HuntFailed as error:
         # What was said elsewhere is had here with its traceback: the same fails in memory.
         again = run_seed(task, scenario, seed, code)
         if again[FAILED]:
@@ -88,29 +88,31 @@ def _run(
         return failed_row(task, seed, str(error), trace, begun_s, code)
 
 
-class RunEnded(Exception):
+class HuntFailed(Exception):
     """A run that ended as failed, for a reason of its own; the message says which."""
 
 
 class Session:
     """Robot processes that wait for runs. Use as a context, which ends them."""
 
-    def __init__(self, robots: Sequence[str], patience: Patience | None = None) -> None:
-        self._patience = patience or launch.PATIENCE
+    def __init__(self, robots: Sequence[str], timeouts: Timeouts | None = None) -> None:
+        self._patience = timeouts or launch.TIMEOUTS
         self._robots = tuple(robots)
         self._run = f"study-{secrets.token_hex(6)}"
         self._endpoint = free_endpoint()
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._alive: set[str] = set()
-        self._trouble = ""
-        self._everyone = threading.Event()
+        self._failure = ""
+        self._all_joined = threading.Event()
         self._closed = threading.Event()
         self._core: WorldCore | None = None
 
     def __enter__(self) -> "Session":
         try:
-            self._link = ZenohLink(Access(listen=(self._endpoint,)), robot_key(self._run, "*", "*"))
-        except LinkError as error:
+            self._connection = ZenohConnection(
+                Endpoints(listen=(self._endpoint,)), robot_key(self._run, "*", "*")
+            )
+        except ConnectionFailed as error:
             raise StudyFailed(str(error)) from None
         try:
             self._start()
@@ -120,8 +122,8 @@ class Session:
         return self
 
     def _start(self) -> None:
-        self._link.watch(robot_key(self._run, "*", "alive"), self._alive_changed)
-        self._link.announce(world_key(self._run, "alive"))
+        self._connection.watch(robot_key(self._run, "*", "alive"), self._alive_changed)
+        self._connection.declare_alive(world_key(self._run, "alive"))
         s_max = self._patience.join_s_max
         options = ("--run", self._run, "--stay", "--quiet", "--join-timeout", f"{s_max}")
         for robot in self._robots:
@@ -141,7 +143,7 @@ class Session:
                 start_new_session=True,
             )
         deadline_s = time.monotonic() + s_max
-        while not self._everyone.wait(WATCH_PERIOD_S):
+        while not self._all_joined.wait(WATCH_PERIOD_S):
             check()
             ended = [robot for robot, p in self._processes.items() if p.poll() is not None]
             if ended:
@@ -153,7 +155,7 @@ class Session:
 
     def __exit__(self, *_error: object) -> None:
         self._closed.set()
-        self._link.close()
+        self._connection.close()
         ends: tuple[Callable[[Any], None], ...] = (lambda _p: None, _terminate, _kill)
         for end in ends:
             for process in self._processes.values():
@@ -167,7 +169,7 @@ class Session:
     def hunt(self, arena: Arena) -> tuple[RunLog, str]:
         """One run: its log and digest.
 
-        ``RunEnded`` if it ends as failed, ``StudyFailed`` if it does not come to any end.
+        ``HuntFailed`` if it ends as failed, ``StudyFailed`` if it does not come to any end.
         """
         messages: Messages = []
         core = WorldCore(
@@ -177,15 +179,15 @@ class Session:
             record=lambda tick, key, payload: messages.append((tick, key, payload)),
         )
         for robot in arena.ids:
-            send(self._link, core.join(robot))
+            send(self._connection, core.join(robot))
         self._core = core
-        run_rounds(core, self._link)
+        run_rounds(core, self._connection)
         if core.ended is None:
             check()
-            raise StudyFailed(self._trouble or "the link was closed")
+            raise StudyFailed(self._failure or "the link was closed")
         self._core = None
-        if core.ended.startswith(FAILED_FOR):
-            raise RunEnded(core.ended.removeprefix(FAILED_FOR))
+        if core.ended.startswith(FAILED_PREFIX):
+            raise HuntFailed(core.ended.removeprefix(FAILED_PREFIX))
         digest = core.result().digest
         return log_of_messages(arena.scenario, arena.seed, self._run, messages), digest
 
@@ -196,31 +198,31 @@ class Session:
         if alive:
             self._alive.add(robot)
             if self._alive.issuperset(self._robots):
-                self._everyone.set()
+                self._all_joined.set()
         elif not self._closed.is_set():
-            self._trouble = self._trouble or f"robot {robot} is gone"
+            self._failure = self._failure or f"robot {robot} is gone"
 
     def _watch(self) -> None:
         """Close the link, and so end the run under way, when a robot is gone or does not answer.
 
         What it has not answered is asked again first: it may have found no room.
         """
-        core, tick, since_s, again_s = None, -1, time.monotonic(), ASK_AGAIN_S
+        core, tick, since_s, again_s = None, -1, time.monotonic(), RESEND_PERIOD_S
         s_max = self._patience.answer_s_max
         while not self._closed.wait(WATCH_PERIOD_S):
             now = self._core
             if now is not core or now is None or now.state.tick != tick:
-                core, since_s, again_s = now, time.monotonic(), ASK_AGAIN_S
+                core, since_s, again_s = now, time.monotonic(), RESEND_PERIOD_S
                 tick = now.state.tick if now is not None else -1
             elif time.monotonic() - since_s > s_max:
                 names = ", ".join(now.table.waiting())
-                self._trouble = f"no answer from {names} for {s_max:g} s at tick {tick}"
+                self._failure = f"no answer from {names} for {s_max:g} s at tick {tick}"
             elif time.monotonic() - since_s > again_s:
-                again_s += ASK_AGAIN_S
-                with contextlib.suppress(LinkClosed):
-                    send(self._link, now.unanswered())
-            if self._trouble or is_kept():
-                self._link.close()
+                again_s += RESEND_PERIOD_S
+                with contextlib.suppress(ConnectionClosed):
+                    send(self._connection, now.unanswered())
+            if self._failure or is_signal_held():
+                self._connection.close()
                 return
 
 

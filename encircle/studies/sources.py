@@ -38,7 +38,7 @@ OURS: Mapping[str, tuple[str, ...]] = {
 }
 """Packages, and the beginnings of their files' names, on which numbers depend."""
 PACKAGES = (OWN, "numpy", "scipy", "filterpy", "msgpack")
-PASSED_OVER = ("__pycache__",)
+IGNORED_DIRECTORIES = ("__pycache__",)
 COMPILED = (".pyc", ".pyo")
 
 Names = Sequence[tuple[str, str]]
@@ -47,7 +47,7 @@ Files = dict[str, Path]
 
 
 @dataclass
-class _Found:
+class _PluginSources:
     """What plug-ins are made of: files by name, and distributions of which the version counts."""
 
     files: Files = field(default_factory=dict)
@@ -94,9 +94,9 @@ def _own_files() -> Files:
     }
 
 
-def _found(plugins: Names) -> _Found:
+def _found(plugins: Names) -> _PluginSources:
     """The sources of plug-ins, and of what they import, as far as it is no other distribution's."""
-    found = _Found()
+    found = _PluginSources()
     owners = packages_distributions() if plugins else {}
     for group, name in plugins:
         plugin = installed(group).get(name)
@@ -142,7 +142,7 @@ def _files_of(module: str) -> Files | None:
 def _files_below(folder: Path) -> Iterator[tuple[str, Path]]:
     """All files below a folder, by their way from it, but for caches and hidden ones."""
     for place, folders, names in os.walk(folder):
-        folders[:] = [f for f in folders if f not in PASSED_OVER and not f.startswith(".")]
+        folders[:] = [f for f in folders if f not in IGNORED_DIRECTORIES and not f.startswith(".")]
         for name in names:
             path = Path(place) / name
             if path.suffix not in COMPILED and not name.startswith(".") and path.is_file():

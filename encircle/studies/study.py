@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.protocol.process.interrupts import held
-from encircle.protocol.process.tracebacks import KEPT_IN
+from encircle.protocol.process.interrupts import signals_held
+from encircle.protocol.process.tracebacks import TRACEBACK_IN
 from encircle.runner.hunts import LINKS
-from encircle.studies.one_run import FAILED, TRACE, Row, Task
 from encircle.studies.plan import Plan
 from encircle.studies.sources import code
 from encircle.studies.table import StudyTable
+from encircle.studies.tasks import FAILED, TRACE, Row, Task
 from encircle.studies.workers import in_processes, on_cluster
 from encircle.world.loading.remarks import ScenarioRemark
 
@@ -66,7 +66,7 @@ class Study:
         for remark in self.plan.remarks():
             warnings.warn(remark, ScenarioRemark, stacklevel=2)
         tell = progress or (lambda _done, _all: None)
-        with held(), closing(self.open()) as table:
+        with signals_held(), closing(self.open()) as table:
             missing = int((~table.done).sum())
             done = self.plan.runs - missing
             tell(done, self.plan.runs)
@@ -90,8 +90,8 @@ class Study:
         with closing(self.open()) as table:
             frame: pd.DataFrame = table.read().to_pandas()
             if failed := int(table.failed.sum()):
-                said = f"{failed} of {self.plan.runs} runs failed: see the column {FAILED!r}"
-                warnings.warn(said, RuntimeWarning, stacklevel=2)
+                message = f"{failed} of {self.plan.runs} runs failed: see the column {FAILED!r}"
+                warnings.warn(message, RuntimeWarning, stacklevel=2)
         return frame
 
     def open(self) -> StudyTable:
@@ -108,7 +108,7 @@ class Study:
         folder.mkdir(exist_ok=True)
         if sum(1 for _ in folder.iterdir()) < TRACES_MAX or path.exists():
             path.write_bytes(f"{row[FAILED]}\n\n{trace}".encode(errors="backslashreplace"))
-            row[FAILED] += f"{KEPT_IN}{path}"
+            row[FAILED] += f"{TRACEBACK_IN}{path}"
         return row
 
     def _rows(

@@ -36,7 +36,7 @@ from encircle.statistics.intervals import (
 from encircle.statistics.intervals import logrank as logrank_of
 from encircle.studies.plan import DELIVERED, Axis, Plan
 from encircle.studies.table import StudyTable
-from encircle.world.channel.delay_means import Asked, asked, delivered_s_mean
+from encircle.world.channel.delay_means import RequestedDelay, delivered_s_mean, requested_delay
 
 CAPTURED, TICKS = "captured", "ticks"
 CLAIMS = ("rate", "order", "time_s")
@@ -57,7 +57,7 @@ class Cell(NamedTuple):
     time_s: Interval
     limit_s: float
     survival: Survival
-    delay: Asked
+    delay: RequestedDelay
     means: Mapping[str, Interval]
 
 
@@ -94,7 +94,7 @@ class Overall(NamedTuple):
     time_s: Difference
 
 
-class Tolerated(NamedTuple):
+class Tolerance(NamedTuple):
     """Up to which level of a numeric axis the capture rate stays at or above a given one.
 
     ``rising``: from which level on, since the rate is below at the first level and not at the last.
@@ -142,26 +142,26 @@ class Summary:
             return (), ()
         rows = list(rows_along(self.plan, axis))
         base = baseline_of(self.plan, axis)
-        places = [place for place in range(len(axis.levels)) if place != base]
+        places = [index for index in range(len(axis.levels)) if index != base]
         single = [
-            self._comparison(axis, others, row, base, place)
+            self._comparison(axis, others, row, base, index)
             for others, row in rows
-            for place in places
+            for index in places
         ]
-        over = [self._overall(axis, [row for _, row in rows], base, place) for place in places]
+        over = [self._overall(axis, [row for _, row in rows], base, index) for index in places]
         over = over if len(rows) > 1 else []
         tests = corrected([getattr(one, name) for one in (*single, *over) for name in CLAIMS])
         first = len(CLAIMS) * len(single)
         return _with(single, tests[:first]), _with(over, tests[first:])
 
     def _comparison(
-        self, axis: Axis, others: Mapping[str, Any], row: Sequence[int], base: int, place: int
+        self, axis: Axis, others: Mapping[str, Any], row: Sequence[int], base: int, index: int
     ) -> Comparison:
-        a, b = row[base], row[place]
+        a, b = row[base], row[index]
         seconds = [self.ticks[k] * self.tick_s[k] for k in (a, b)]
         times_a_s, times_b_s = self._times_s(a, b)
         return Comparison(
-            axis.levels[place],
+            axis.levels[index],
             axis.levels[base],
             others,
             rate_difference(self.captured[a], self.captured[b]),
@@ -170,13 +170,13 @@ class Summary:
             logrank_of(seconds[0], self.captured[a], seconds[1], self.captured[b]),
         )
 
-    def _overall(self, axis: Axis, rows: Sequence[Sequence[int]], base: int, place: int) -> Overall:
-        pairs = [(row[base], row[place]) for row in rows]
+    def _overall(self, axis: Axis, rows: Sequence[Sequence[int]], base: int, index: int) -> Overall:
+        pairs = [(row[base], row[index]) for row in rows]
         rate_a, rate_b = self.captured[np.array(pairs)].mean(axis=0)
         times_a_s, times_b_s = np.mean([self._times_s(a, b) for a, b in pairs], axis=0)
         limit_s = float(np.mean([self._limit_s(a, b) for a, b in pairs]))
         return Overall(
-            axis.levels[place],
+            axis.levels[index],
             axis.levels[base],
             len(rows),
             paired_difference(rate_a, rate_b, 1.0, less_is_better=False),
@@ -208,7 +208,7 @@ class Summary:
         return np.where(in_time, np.minimum(pair, limit_s), never_s)
 
     @cached_property
-    def tolerated(self) -> tuple[Tolerated, ...]:
+    def tolerated(self) -> tuple[Tolerance, ...]:
         """For each numeric axis and setting of the others, how far capture holds."""
         found = []
         for axis in self.plan.all_axes:
@@ -219,7 +219,7 @@ class Summary:
                 continue
             for others, row in rows_along(self.plan, axis):
                 held, rising = _held(levels, self.captured[list(row)], self.plan.tolerated_rate)
-                found.append(Tolerated(axis.name, others, held, rising))
+                found.append(Tolerance(axis.name, others, held, rising))
         return tuple(found)
 
 
@@ -251,24 +251,24 @@ def summarise(plan: Plan, table: StudyTable) -> Summary:
     seeds = pa.array(table.whole_seeds)
     cells, captured, ticks, tick_s = [], [], [], []
     numbers = [name for name in plan.columns if name in MEASURES]
-    for place in range(len(plan.cells)):
-        rows = table.read([CAPTURED, TICKS, *numbers], slice(place, place + 1))
+    for index in range(len(plan.cells)):
+        rows = table.read([CAPTURED, TICKS, *numbers], slice(index, index + 1))
         rows = rows.filter(pc.is_in(rows["seed"], seeds))
-        scenario = plan.scenario_of(place)
+        scenario = plan.scenario_of(index)
         flags = rows[CAPTURED].to_numpy() > 0.5
         times = rows[TICKS].to_numpy().astype(float)
         limit_s = scenario.ticks_max * scenario.tick_s
         seconds = times * scenario.tick_s
         cells.append(
             Cell(
-                place,
-                plan.levels(place),
+                index,
+                plan.levels(index),
                 len(flags),
                 capture_rate(flags),
                 restricted_mean_ticks(seconds, flags, limit_s),
                 limit_s,
                 survival(times, flags),
-                asked(scenario.channel, scenario.ids),
+                requested_delay(scenario.channel, scenario.ids),
                 {name: mean(rows[name].to_numpy()) for name in numbers if name != CAPTURED},
             )
         )

@@ -21,8 +21,8 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from encircle.studies.one_run import FAILED
 from encircle.studies.plan import Plan, StudyError
+from encircle.studies.tasks import FAILED
 
 TABLE, PARTS, OWNER, LOCK = "table.parquet", "parts", "study.json", "lock"
 KEYS = ("cell", "seed", FAILED)
@@ -46,7 +46,7 @@ class StudyTable:
             **code,
         }
         self._plan = plan
-        self._place = {seed: k for k, seed in enumerate(plan.seed_list)}
+        self._seed_index = {seed: k for k, seed in enumerate(plan.seed_list)}
         existing = _owner_of(directory)
         if existing is not None:
             self._refuse_foreign(existing)
@@ -78,10 +78,12 @@ class StudyTable:
         _write_table(self.directory / PARTS / f"{number:08}.parquet", [table])
         self._numbers.append(number)
         for row in rows:
-            place = self._place[row["seed"]]
-            assert not self.done[row["cell"], place], f"run {row['cell']}, {row['seed']} came twice"
-            self.done[row["cell"], place] = not row[FAILED]
-            self.failed[row["cell"], place] = bool(row[FAILED])
+            seed_index = self._seed_index[row["seed"]]
+            assert not self.done[row["cell"], seed_index], (
+                f"run {row['cell']}, {row['seed']} came twice"
+            )
+            self.done[row["cell"], seed_index] = not row[FAILED]
+            self.failed[row["cell"], seed_index] = bool(row[FAILED])
         if len(self._numbers) >= PARTS_MAX:
             self.merge()
 
@@ -144,15 +146,15 @@ class StudyTable:
             rows = self._read_keys(path)
             columns = (rows[name].to_pylist() for name in KEYS)
             for cell, seed, failure in zip(*columns, strict=True):
-                place = self._place.get(seed)
-                if place is not None and 0 <= cell < len(done):
-                    (failed if failure else done)[cell, place] = True
+                seed_index = self._seed_index.get(seed)
+                if seed_index is not None and 0 <= cell < len(done):
+                    (failed if failure else done)[cell, seed_index] = True
         return done, failed & ~done
 
     def _read_keys(self, path: Path) -> pa.Table:
         try:
             with pq.ParquetFile(path) as file:
-                said = {
+                claimed = {
                     k.decode(): v.decode() for k, v in (file.schema_arrow.metadata or {}).items()
                 }
                 rows = file.read(columns=list(KEYS))
@@ -162,15 +164,15 @@ class StudyTable:
                 f"{path} is damaged ({line}): delete it to have its runs repeated;"
                 " nothing was changed"
             ) from None
-        self._refuse_foreign(said, path)
+        self._refuse_foreign(claimed, path)
         return rows
 
-    def _refuse_foreign(self, said: Mapping[str, Any], path: Path | None = None) -> None:
+    def _refuse_foreign(self, claimed: Mapping[str, Any], path: Path | None = None) -> None:
         for key, wanted in self.owner.items():
-            if str(said.get(key)) != str(wanted):
+            if str(claimed.get(key)) != str(wanted):
                 what = {"fingerprint": "configuration"}.get(key, key)
                 raise StudyError(
-                    f"{path or self.directory} holds runs of {what} {said.get(key)!r}, this is"
+                    f"{path or self.directory} holds runs of {what} {claimed.get(key)!r}, this is"
                     f" {wanted!r}: choose another --out; nothing was changed"
                 )
 

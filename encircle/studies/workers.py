@@ -12,8 +12,8 @@ from typing import Any
 
 from encircle.protocol.process.interrupts import check
 from encircle.runner import process_pool as pool
-from encircle.studies import one_run as work
-from encircle.studies.one_run import Row, Task
+from encircle.studies import tasks as work
+from encircle.studies.tasks import Row, Task
 
 TASKS_PER_WORKER = 3
 CONNECT_S_MAX = 10.0

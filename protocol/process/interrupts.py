@@ -2,8 +2,8 @@
 
 Python turns Ctrl-C into an exception that strikes anywhere: in an import, in a record that is being
 written, in what cleans up after another Ctrl-C. Here a signal never raises anything by itself. It
-ends the process at once, as long as there is nothing to put in order (``end_at_once``); or a
-function is told (``told_to``); or it is kept until the work can be left (``held``, ``check``).
+ends the process at once, as long as there is nothing to put in order (``exit_on_signal``); or a
+function is told (``signals_to``); or it is kept until the work can be left (``held``, ``check``).
 
 A terminal sends Ctrl-C to all processes of a command. Those that another one ends in order are
 shielded from it.
@@ -29,7 +29,7 @@ class Interrupted(KeyboardInterrupt):
     """The work was left because of a signal; the message says which and where."""
 
 
-class _Kept:
+class _State:
     """What has come. ``name``: of a signal that is kept; ``ending``: whether one has ever come.
 
     ``before``, ``after``: what a process that ends at once says more; ``to_parent``: Ctrl-C is not
@@ -43,16 +43,16 @@ class _Kept:
     at_work = False
 
 
-def end_at_once(who: str) -> None:
+def exit_on_signal(who: str) -> None:
     """From now on SIGINT and SIGTERM end this process at once, with a line of ``who``."""
 
     def end(name: str) -> None:
-        if not _Kept.ending:
+        if not _State.ending:
             with suppress(OSError):
                 # A terminal has put ^C there.
                 start = "\r" if os.isatty(2) else ""
-                said = f"{who}: {_Kept.before}stopped by {name}{_Kept.after}"
-                os.write(2, f"{start}{printable(said)}\n".encode())
+                line = f"{who}: {_State.before}stopped by {name}{_State.after}"
+                os.write(2, f"{start}{printable(line)}\n".encode())
             os._exit(STATUS)
 
     for number in NUMBERS:
@@ -60,21 +60,21 @@ def end_at_once(who: str) -> None:
 
 
 @contextmanager
-def saying(after: str, before: str = "") -> Iterator[None]:
+def exit_message(after: str, before: str = "") -> Iterator[None]:
     """While this lasts, a process that ends at once says this after the signal, and before it."""
-    kept = _Kept.before, _Kept.after
-    _Kept.before, _Kept.after = before, after
+    kept = _State.before, _State.after
+    _State.before, _State.after = before, after
     try:
         yield
     finally:
-        _Kept.before, _Kept.after = kept
+        _State.before, _State.after = kept
 
 
-def leave(status: int) -> NoReturn:
+def exit_process(status: int) -> NoReturn:
     """End the process; what comes now changes nothing any more."""
     for number in NUMBERS:
         signal.signal(number, signal.SIG_IGN)
-    if _Kept.at_work:
+    if _State.at_work:
         # A thread that comes back from there while Python is taken down brings the process down.
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError, AttributeError):
@@ -83,29 +83,29 @@ def leave(status: int) -> NoReturn:
     sys.exit(status)
 
 
-def leave_threads_at_work() -> None:
+def expect_library_threads() -> None:
     """A library has threads of its own, which call Python: ``leave`` is not to take that down."""
-    _Kept.at_work = True
+    _State.at_work = True
 
 
 @contextmanager
-def told_to(take: Callable[[str], None]) -> Iterator[None]:
+def signals_to(take: Callable[[str], None]) -> Iterator[None]:
     """While this lasts, signals call ``take`` with their name, and leave it to it to end the work.
 
     It is called in the main thread, between any two instructions. In another thread than the main
     one nothing changes.
     """
-    if threading.current_thread() is not threading.main_thread() or _Kept.to_parent:
+    if threading.current_thread() is not threading.main_thread() or _State.to_parent:
         yield
         return
 
     def note(name: str) -> None:
-        _Kept.ending = True
+        _State.ending = True
         take(name)
 
     before = {number: signal.signal(number, _handler(note)) for number in NUMBERS}
     try:
-        if name := _taken():
+        if name := _take_held():
             take(name)
         yield
     finally:
@@ -114,14 +114,14 @@ def told_to(take: Callable[[str], None]) -> Iterator[None]:
 
 
 @contextmanager
-def held() -> Iterator[None]:
+def signals_held() -> Iterator[None]:
     """While this lasts, signals are kept for ``check`` or the end of this context, which raise."""
-    with told_to(_keep):
+    with signals_to(_hold):
         try:
             yield
         except Interrupted:
             # A second one, while the work was being left.
-            _taken()
+            _take_held()
             raise
         finally:
             check()
@@ -129,23 +129,23 @@ def held() -> Iterator[None]:
 
 def check(where: str = "") -> None:
     """Raise ``Interrupted`` if a signal is kept; ``where``: how far the work is."""
-    if _Kept.name and threading.current_thread() is threading.main_thread():
-        raise Interrupted(f"stopped by {_taken()}{where}")
+    if _State.name and threading.current_thread() is threading.main_thread():
+        raise Interrupted(f"stopped by {_take_held()}{where}")
 
 
-def is_kept() -> bool:
+def is_signal_held() -> bool:
     """Whether a signal waits for ``check``; other threads may look, too."""
-    return bool(_Kept.name)
+    return bool(_State.name)
 
 
-def leave_to_parent() -> None:
+def leave_sigint_to_parent() -> None:
     """Ctrl-C is not for this process: its parent ends it in order."""
-    _Kept.to_parent = True
+    _State.to_parent = True
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
-def shielding() -> Iterator[None]:
+def sigint_blocked() -> Iterator[None]:
     """Processes that are started meanwhile do not hear Ctrl-C, not even while they start."""
     # What is blocked is inherited; a handler would be there only after the first imports.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -155,12 +155,12 @@ def shielding() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _keep(name: str) -> None:
-    _Kept.name = _Kept.name or name
+def _hold(name: str) -> None:
+    _State.name = _State.name or name
 
 
-def _taken() -> str:
-    name, _Kept.name = _Kept.name, ""
+def _take_held() -> str:
+    name, _State.name = _State.name, ""
     return name
 
 

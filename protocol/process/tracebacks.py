@@ -9,17 +9,17 @@ from pathlib import Path
 
 from encircle.protocol.plugins import PluginFailed
 
-KEPT_IN = "; traceback in "
+TRACEBACK_IN = "; traceback in "
 """Stands in every line that tells of a plug-in that failed, before the file."""
 ENDINGS = ("", *(f"-{number}" for number in range(2, 1000)))
 
 
-def line_of(failed: PluginFailed, directory: Path | None) -> str:
+def failure_line(failed: PluginFailed, directory: Path | None) -> str:
     """The one line that tells of it; its traceback has been written to the file that it names."""
     try:
-        return f"{failed}{KEPT_IN}{_written(failed, directory)}"
+        return f"{failed}{TRACEBACK_IN}{_written(failed, directory)}"
     except OSError as error:
-        return f"{failed}{KEPT_IN}no file: {error.strerror}"
+        return f"{failed}{TRACEBACK_IN}no file: {error.strerror}"
 
 
 def _written(failed: PluginFailed, directory: Path | None) -> Path:

@@ -8,21 +8,27 @@ of the party itself, so that inside its container the check needs no arguments.
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from encircle.protocol.process.interrupts import end_at_once
+    from encircle.protocol.process.interrupts import exit_on_signal
 
-    end_at_once("alive")
+    exit_on_signal("alive")
 
 import argparse
 from collections.abc import Sequence
 
 from encircle.protocol.keys import robot_key, world_key
-from encircle.protocol.process.interrupts import leave
+from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say
 from encircle.protocol.programs.options import Options, identity, name_of, seconds
 from encircle.protocol.zenoh.connection import closing, has_neighbours, is_alive, open_session
-from encircle.protocol.zenoh.endpoints import Access, AccessError, Identity, LinkError, here
+from encircle.protocol.zenoh.endpoints import (
+    ConfigurationError,
+    ConnectionFailed,
+    Endpoints,
+    Identity,
+    loopback_endpoint,
+)
 
-PARTIES = ("router", "world", "robot")
+NODE_KINDS = ("router", "world", "robot")
 CHECK_S_MAX = 3.0
 
 
@@ -32,8 +38,10 @@ def main(
 ) -> int:
     """Look once; returns 0 if it is there, 1 if not, with a line that says so."""
     options = Options(program, "Say whether a router, the world or a robot of a run is there.")
-    options.add("what", f"one of {', '.join(PARTIES)}", read=_party, metavar="WHAT", required=True)
-    options.add_access()
+    options.add(
+        "what", f"one of {', '.join(NODE_KINDS)}", read=_node_kind, metavar="WHAT", required=True
+    )
+    options.add_endpoints()
     options.add("--run", "name of the run", read=name_of("run"))
     options.add("--robot", "the robot's id", read=name_of("robot"), metavar="ID")
     options.add(
@@ -43,57 +51,62 @@ def main(
         default=CHECK_S_MAX,
         metavar="S",
     )
-    found = options.parse(arguments)
-    if found.what != "router" and found.run is None:
+    settings = options.parse(arguments)
+    if settings.what != "router" and settings.run is None:
         options.error("--run is missing: give it, or set ENCIRCLE_RUN")
-    if found.what == "robot" and found.robot is None:
+    if settings.what == "robot" and settings.robot is None:
         options.error("--robot is missing: give it, or set ENCIRCLE_ROBOT")
-    connect = found.connect or [here(endpoint) for endpoint in found.listen]
+    connect = settings.connect or [loopback_endpoint(endpoint) for endpoint in settings.listen]
     try:
-        where = Access(
+        endpoints = Endpoints(
             (),
             tuple(connect),
             "client",
-            found.zenoh_config,
-            connect_s_max=found.check_timeout,
-            identity=_identity(found),
+            settings.zenoh_config,
+            connect_s_max=settings.check_timeout,
+            identity=_identity(settings),
         )
-        there = look(where, found)
-    except AccessError as error:
+        there = is_visible(endpoints, settings)
+    except ConfigurationError as error:
         options.error(str(error))
-    except LinkError as error:
+    except ConnectionFailed as error:
         say(f"alive: {error}")
         return 1
     name = {
-        "robot": f"robot {found.robot} of run {found.run}",
-        "world": f"world of run {found.run}",
+        "robot": f"robot {settings.robot} of run {settings.run}",
+        "world": f"world of run {settings.run}",
     }
-    say(f"alive: {name.get(found.what, 'router')} at {where}: {'there' if there else 'not there'}")
+    verdict = "there" if there else "not there"
+    say(f"alive: {name.get(settings.what, 'router')} at {endpoints}: {verdict}")
     return 0 if there else 1
 
 
-def look(where: Access, found: argparse.Namespace) -> bool:
+def is_visible(endpoints: Endpoints, settings: argparse.Namespace) -> bool:
     """Whether the party that is asked for can be seen from a session there."""
-    with closing(open_session(where)) as session:
-        if found.what == "router":
+    with closing(open_session(endpoints)) as session:
+        if settings.what == "router":
             return has_neighbours(session)
-        world = found.what == "world"
-        key = world_key(found.run, "alive") if world else robot_key(found.run, found.robot, "alive")
-        return is_alive(session, key, found.check_timeout)
+        world = settings.what == "world"
+        key = (
+            world_key(settings.run, "alive")
+            if world
+            else robot_key(settings.run, settings.robot, "alive")
+        )
+        return is_alive(session, key, settings.check_timeout)
 
 
-def _identity(found: argparse.Namespace) -> Identity | None:
+def _identity(settings: argparse.Namespace) -> Identity | None:
     """Inside a party's container it is the party itself that asks, elsewhere an onlooker."""
-    party = found.robot if found.what == "robot" else found.what
-    own = found.certificates is not None and (found.certificates / f"{party}.key").exists()
-    return identity(found.certificates, party if own else None)
+    node = settings.robot if settings.what == "robot" else settings.what
+    own = settings.certificates is not None and (settings.certificates / f"{node}.key").exists()
+    return identity(settings.certificates, node if own else None)
 
 
-def _party(value: str) -> str:
-    if value not in PARTIES:
-        raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join(PARTIES)}")
+def _node_kind(value: str) -> str:
+    if value not in NODE_KINDS:
+        raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join(NODE_KINDS)}")
     return value
 
 
 if __name__ == "__main__":
-    leave(main())
+    exit_process(main())

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from encircle.protocol.keys import check_name
 from encircle.protocol.process.log import printable
-from encircle.protocol.zenoh.endpoints import Access, AccessError, Identity, Mode
+from encircle.protocol.zenoh.endpoints import ConfigurationError, Endpoints, Identity, Mode
 
 PREFIX = "ENCIRCLE_"
 GATES = ("router", "world")
@@ -103,7 +103,7 @@ class Options:
         self._parser.add_argument(name, help=help_text, action="store_const", const=True)
         self._keep(_Setting(name, variable_of(name), _yes_or_no, False, False, joins=False))
 
-    def add_access(self) -> None:
+    def add_endpoints(self) -> None:
         """The options of ``access``."""
         self.add_list(
             "--connect",
@@ -174,22 +174,22 @@ def without_settings(environment: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in environment.items() if not name.startswith(PREFIX)}
 
 
-def access(
+def endpoints_of(
     options: argparse.Namespace,
     connect_s_max: float,
     mode: Mode | None = None,
     name: str | None = None,
-) -> Access:
-    """What the options of ``add_access`` say; raises ``AccessError``.
+) -> Endpoints:
+    """What the options of ``add_endpoints`` say; raises ``ConfigurationError``.
 
     ``name``: whose certificate to show; without one, that of an onlooker.
     """
     if options.certificates and options.listen and name not in (None, *GATES):
-        raise AccessError(
+        raise ConfigurationError(
             f"listen = {options.listen[0]}: with certificates only {' and '.join(GATES)} listen,"
             f" and {name} connects to them"
         )
-    return Access(
+    return Endpoints(
         tuple(options.listen),
         tuple(options.connect),
         mode,
@@ -201,13 +201,13 @@ def access(
 
 
 def identity(directory: Path | None, name: str | None) -> Identity | None:
-    """The identity of a party, or of an onlooker without a name; raises ``AccessError``."""
+    """The identity of a party, or of an onlooker without a name; raises ``ConfigurationError``."""
     if directory is None:
         return None
     # A party without certificates need not load a library for them.
-    from encircle.protocol.zenoh.identities import identity_of, onlookers_identity
+    from encircle.protocol.zenoh.identities import identity_of, viewer_identity
 
-    return identity_of(directory, name) if name else onlookers_identity(directory)
+    return identity_of(directory, name) if name else viewer_identity(directory)
 
 
 def seconds(value: str) -> float:

@@ -6,9 +6,9 @@ this one is the library that is installed anyway, in router mode, without plugin
 
 if __name__ == "__main__":
     # Before all that takes time to import.
-    from encircle.protocol.process.interrupts import end_at_once
+    from encircle.protocol.process.interrupts import exit_on_signal
 
-    end_at_once("router")
+    exit_on_signal("router")
 
 import contextlib
 import queue
@@ -20,15 +20,15 @@ from typing import Any
 from encircle.protocol.errors import UnknownKey
 from encircle.protocol.keys import parse_key, robot_key, world_key
 from encircle.protocol.mailbox import now_us
-from encircle.protocol.process.interrupts import leave, told_to
+from encircle.protocol.process.interrupts import exit_process, signals_to
 from encircle.protocol.process.log import say_error
-from encircle.protocol.programs.options import Options, access, name_of
+from encircle.protocol.programs.options import Options, endpoints_of, name_of
 from encircle.protocol.zenoh.access_control import ROUTER
 from encircle.protocol.zenoh.configuration import warning
-from encircle.protocol.zenoh.connection import answer, closing, open_session, subscribe_alive
-from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, AccessError, LinkError
-from encircle.protocol.zenoh.node_info import ROUTER_KEY, replier
-from encircle.protocol.zenoh.refusals import refusals_told
+from encircle.protocol.zenoh.connection import closing, open_session, serve_queries, subscribe_alive
+from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, ConfigurationError, ConnectionFailed
+from encircle.protocol.zenoh.node_info import ROUTER_KEY, info_replier
+from encircle.protocol.zenoh.refusals import report_refusals
 
 END_S_MAX = 5.0
 STEP_S = 0.5
@@ -66,28 +66,28 @@ def main(
     That is how a router ends: with status 0, unless it was still opening its endpoints.
     """
     options = Options(program, "Route the messages of any number of runs.")
-    options.add_access()
+    options.add_endpoints()
     options.add_flag("--direct-radio", "with certificates: let robots hear each other's poses")
     options.add_flag("--count-refusals", "say at the end what certificates kept out; costs time")
     options.add("--for-run", "end by itself after this run", read=name_of("run"), metavar="RUN")
-    found = options.parse(arguments)
+    settings = options.parse(arguments)
     changes: Changes = queue.SimpleQueue()
     try:
-        where = access(found, CONNECT_S_MAX, "router", ROUTER)
-        where = replace(where, direct_radio=found.direct_radio)
-        said = warning(where)
+        where = endpoints_of(settings, CONNECT_S_MAX, "router", ROUTER)
+        where = replace(where, direct_radio=settings.direct_radio)
+        notice = warning(where)
         with (
-            refusals_told("router", found.count_refusals),
+            report_refusals("router", settings.count_refusals),
             closing(open_session(where)) as session,
-            told_to(changes.put),
+            signals_to(changes.put),
         ):
             of = "" if where.listen else "the endpoints of "
-            say_error(f"router: {said or f'listening on {of}{where}'}")
-            _kept = answer(session, ROUTER_KEY, replier("router", now_us))
-            _route(session, found.for_run, changes)
-    except AccessError as error:
+            say_error(f"router: {notice or f'listening on {of}{where}'}")
+            _kept = serve_queries(session, ROUTER_KEY, info_replier("router", now_us))
+            _route(session, settings.for_run, changes)
+    except ConfigurationError as error:
         options.error(str(error))
-    except LinkError as error:
+    except ConnectionFailed as error:
         say_error(f"router: {error}")
         return 1
     return 0
@@ -112,4 +112,4 @@ def _route(session: Any, run: str | None, changes: Changes) -> None:
 
 
 if __name__ == "__main__":
-    leave(main())
+    exit_process(main())

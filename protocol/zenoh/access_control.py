@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from encircle.protocol.keys import robot_key, world_key
-from encircle.protocol.zenoh.endpoints import MESSAGE_BYTES_MAX, AccessError, Identity
-from encircle.protocol.zenoh.lanes import GATE, ROOM
+from encircle.protocol.zenoh.endpoints import MESSAGE_BYTES_MAX, ConfigurationError, Identity
+from encircle.protocol.zenoh.lanes import GATE_SETTINGS, QUEUE_SETTINGS
 from encircle.protocol.zenoh.node_info import ROUTER_KEY
 
 AUTHORITY, WORLD, ROUTER, VIEWER = "authority", "world", "router", "viewer"
@@ -33,7 +33,7 @@ RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 
 Settings = dict[str, Any]
 
 
-class Part(NamedTuple):
+class Permissions(NamedTuple):
     """What a party does, as key expressions: what it may say, hear and be seen as.
 
     ``puts``: keys that it publishes on. ``finds``: subscriptions of others that it is told of, for
@@ -43,14 +43,14 @@ class Part(NamedTuple):
     on which it answers queries about itself. ``asks``: those on which it may ask others.
     """
 
-    puts: tuple[str, ...] = ()
-    finds: tuple[str, ...] = ()
-    takes: tuple[str, ...] = ()
-    hears: tuple[str, ...] = ()
-    lives: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
+    discovers: tuple[str, ...] = ()
+    subscribes: tuple[str, ...] = ()
+    receives: tuple[str, ...] = ()
+    declares: tuple[str, ...] = ()
     watches: tuple[str, ...] = ()
-    tells: tuple[str, ...] = ()
-    asks: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()
+    queries: tuple[str, ...] = ()
 
 
 ALL_MESSAGES = (
@@ -62,7 +62,7 @@ ALL_MESSAGES = (
 def identity_in(directory: Path, name: str) -> Identity:
     """The identity of a party in a directory as ``make_certificates`` lays it out.
 
-    ``AccessError`` names the file that is not there or cannot be read.
+    ``ConfigurationError`` names the file that is not there or cannot be read.
     """
     identity = Identity(
         directory / f"{AUTHORITY}.pem", directory / f"{name}.pem", directory / f"{name}.key"
@@ -71,7 +71,7 @@ def identity_in(directory: Path, name: str) -> Identity:
         try:
             path.open("rb").close()
         except OSError as error:
-            raise AccessError(
+            raise ConfigurationError(
                 f"certificates = {directory}: {path.name}: {error.strerror};"
                 f" {name} needs {AUTHORITY}.pem, {name}.pem and {name}.key there"
             ) from None
@@ -79,11 +79,11 @@ def identity_in(directory: Path, name: str) -> Identity:
 
 
 def check_encrypted(kind: str, endpoints: Iterable[str]) -> None:
-    """``AccessError`` for an endpoint that would go around the certificates."""
+    """``ConfigurationError`` for an endpoint that would go around the certificates."""
     for endpoint in endpoints:
         protocol, _, rest = endpoint.partition("/")
         if protocol not in ENCRYPTED:
-            raise AccessError(
+            raise ConfigurationError(
                 f"{kind} = {endpoint!r}: with certificates it must be"
                 f" {' or '.join(f'{p}/{rest}' for p in ENCRYPTED)}"
             )
@@ -97,12 +97,12 @@ def settings(
 ) -> Settings:
     """All settings of a party with these endpoints; who listens is a gate.
 
-    ``direct_radio``: as for ``gate``. Raises ``AccessError`` for an endpoint without encryption.
+    ``direct_radio``: as for ``gate``. ``ConfigurationError`` for an endpoint without encryption.
     """
     check_encrypted("listen", listen)
     check_encrypted("connect", connect)
-    found = tls(identity, bool(listen), bool(connect))
-    return found | gate(direct_radio=direct_radio) if listen else found
+    tls_settings = tls(identity, bool(listen), bool(connect))
+    return tls_settings | gate(direct_radio=direct_radio) if listen else tls_settings
 
 
 def tls(identity: Identity, listens: bool, connects: bool) -> Settings:
@@ -113,7 +113,7 @@ def tls(identity: Identity, listens: bool, connects: bool) -> Settings:
     authority, certificate, key = (
         str(path.absolute()) for path in (identity.authority, identity.certificate, identity.key)
     )
-    found: Settings = {
+    tls_settings: Settings = {
         "transport/link/tls/root_ca_certificate": authority,
         "transport/link/tls/enable_mtls": True,
         "transport/link/tls/verify_name_on_connect": True,
@@ -122,13 +122,13 @@ def tls(identity: Identity, listens: bool, connects: bool) -> Settings:
         "transport/link/rx/max_message_size": MESSAGE_BYTES_MAX,
     }
     if listens:
-        found["transport/link/tls/listen_certificate"] = certificate
-        found["transport/link/tls/listen_private_key"] = key
+        tls_settings["transport/link/tls/listen_certificate"] = certificate
+        tls_settings["transport/link/tls/listen_private_key"] = key
     if connects:
-        found["transport/link/tls/connect_certificate"] = certificate
-        found["transport/link/tls/connect_private_key"] = key
-        found["connect/retry"] = dict(RETRY)
-    return found
+        tls_settings["transport/link/tls/connect_certificate"] = certificate
+        tls_settings["transport/link/tls/connect_private_key"] = key
+        tls_settings["connect/retry"] = dict(RETRY)
+    return tls_settings
 
 
 def gate(robots: Iterable[str] = TEAM, run: str = "*", direct_radio: bool = False) -> Settings:
@@ -137,60 +137,60 @@ def gate(robots: Iterable[str] = TEAM, run: str = "*", direct_radio: bool = Fals
     And that nobody is waited for who does not read (``encircle.protocol.zenoh.lanes``).
     ``run``: a run's name, or any. ``direct_radio``: robots hear each other's poses themselves.
     """
-    parts = {WORLD: world_part(run), VIEWER: viewer_part(run)}
-    parts |= {robot: robot_part(run, robot, direct_radio) for robot in robots}
+    parts = {WORLD: world_permissions(run), VIEWER: viewer_permissions(run)}
+    parts |= {robot: robot_permissions(run, robot, direct_radio) for robot in robots}
     rules = {name: _rules(name, part) for name, part in parts.items()}
     # Gates may be connected to each other; each has judged what it passes on.
     rules[ROUTER] = [_rule(f"{ROUTER} passes on", ALL_MESSAGES, ("ingress", "egress"), ("**",))]
-    return ROOM | GATE | {"access_control": _access_control(rules)}
+    return QUEUE_SETTINGS | GATE_SETTINGS | {"access_control": _access_control(rules)}
 
 
-def robot_part(run: str, robot: str, direct_radio: bool = False) -> Part:
+def robot_permissions(run: str, robot: str, direct_radio: bool = False) -> Permissions:
     """A robot: speaks on its own keys, hears what is meant for it, sees whether the world lives."""
-    said = tuple(robot_key(run, robot, channel) for channel in ("pose", "command"))
-    told = tuple(robot_key(run, robot, channel) for channel in ("setup", "observation", "end"))
+    from_robot = tuple(robot_key(run, robot, channel) for channel in ("pose", "command"))
+    to_robots = tuple(robot_key(run, robot, channel) for channel in ("setup", "observation", "end"))
     peers = (robot_key(run, "*", "pose"),) if direct_radio else ()
     own = robot_key(run, robot, "alive")
-    return Part(
-        puts=said,
-        finds=(robot_key(run, "*", "*"),),
-        takes=(robot_key(run, robot, "*"), *peers),
-        hears=(*told, *peers),
-        lives=(own,),
+    return Permissions(
+        publishes=from_robot,
+        discovers=(robot_key(run, "*", "*"),),
+        subscribes=(robot_key(run, robot, "*"), *peers),
+        receives=(*to_robots, *peers),
+        declares=(own,),
         watches=(own, world_key(run, "alive")),
-        tells=(robot_key(run, robot, "about"),),
-        asks=_about(run),
+        answers=(robot_key(run, robot, "about"),),
+        queries=_info_keys(run),
     )
 
 
-def world_part(run: str) -> Part:
+def world_permissions(run: str) -> Permissions:
     """The world: the other end of every robot's keys, and the truth for those who look on."""
-    told = tuple(robot_key(run, "*", channel) for channel in ("setup", "observation", "end"))
+    to_robots = tuple(robot_key(run, "*", channel) for channel in ("setup", "observation", "end"))
     own = world_key(run, "alive")
-    return Part(
-        puts=(*told, world_key(run, "state")),
-        finds=(robot_key(run, "*", "*"), world_key(run, "state")),
-        takes=(robot_key(run, "*", "*"),),
-        hears=tuple(robot_key(run, "*", channel) for channel in ("pose", "command")),
-        lives=(own,),
+    return Permissions(
+        publishes=(*to_robots, world_key(run, "state")),
+        discovers=(robot_key(run, "*", "*"), world_key(run, "state")),
+        subscribes=(robot_key(run, "*", "*"),),
+        receives=tuple(robot_key(run, "*", channel) for channel in ("pose", "command")),
+        declares=(own,),
         watches=(own, robot_key(run, "*", "alive")),
-        tells=(world_key(run, "about"),),
-        asks=_about(run),
+        answers=(world_key(run, "about"),),
+        queries=_info_keys(run),
     )
 
 
-def viewer_part(run: str) -> Part:
+def viewer_permissions(run: str) -> Permissions:
     """Whoever looks on: hears the truth, sees who is there, says nothing."""
     state = (world_key(run, "state"),)
-    return Part(
-        takes=state,
-        hears=state,
+    return Permissions(
+        subscribes=state,
+        receives=state,
         watches=(world_key(run, "alive"), robot_key(run, "*", "alive")),
-        asks=_about(run),
+        queries=_info_keys(run),
     )
 
 
-def _about(run: str) -> tuple[str, ...]:
+def _info_keys(run: str) -> tuple[str, ...]:
     """Whom everybody may ask for versions and clock: ``encircle doctor`` does, on any host."""
     return world_key(run, "about"), robot_key(run, "*", "about"), ROUTER_KEY
 
@@ -221,21 +221,21 @@ def _access_control(rules: Mapping[str, list[Settings]]) -> Settings:
     }
 
 
-def _rules(name: str, part: Part) -> list[Settings]:
+def _rules(name: str, part: Permissions) -> list[Settings]:
     """A part as rules; a message comes in from the party (ingress) or goes out to it (egress)."""
-    asks = ("declare_liveliness_subscriber", "liveliness_query")
+    queries = ("declare_liveliness_subscriber", "liveliness_query")
     table = (
-        ("says", ("put",), "ingress", part.puts),
-        ("finds", ("declare_subscriber",), "egress", part.finds),
-        ("takes", ("declare_subscriber",), "ingress", part.takes),
-        ("hears", ("put",), "egress", part.hears),
-        ("lives", ("liveliness_token",), "ingress", part.lives),
-        ("watches", asks, "ingress", part.watches),
+        ("says", ("put",), "ingress", part.publishes),
+        ("finds", ("declare_subscriber",), "egress", part.discovers),
+        ("takes", ("declare_subscriber",), "ingress", part.subscribes),
+        ("hears", ("put",), "egress", part.receives),
+        ("lives", ("liveliness_token",), "ingress", part.declares),
+        ("watches", queries, "ingress", part.watches),
         ("sees", ("liveliness_token",), "egress", part.watches),
-        ("tells", ("declare_queryable", "reply"), "ingress", part.tells),
-        ("is asked", ("query",), "egress", part.tells),
-        ("asks", ("query",), "ingress", part.asks),
-        ("is told", ("reply",), "egress", part.asks),
+        ("tells", ("declare_queryable", "reply"), "ingress", part.answers),
+        ("is asked", ("query",), "egress", part.answers),
+        ("asks", ("query",), "ingress", part.queries),
+        ("is told", ("reply",), "egress", part.queries),
     )
     return [
         _rule(f"{name} {verb}", messages, (flow,), expressions)

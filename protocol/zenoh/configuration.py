@@ -11,12 +11,12 @@ import zenoh
 
 from encircle.protocol.zenoh.access_control import settings
 from encircle.protocol.zenoh.endpoints import (
-    Access,
-    AccessError,
+    ConfigurationError,
+    Endpoints,
     Identity,
     reachable_from_elsewhere,
 )
-from encircle.protocol.zenoh.lanes import GATE, ROOM
+from encircle.protocol.zenoh.lanes import GATE_SETTINGS, QUEUE_SETTINGS
 
 CONNECT_RETRY_MS = 20
 CONNECT_RETRY_MS_MAX = 200
@@ -25,59 +25,59 @@ _BYTES_MAX = "transport/link/rx/max_message_size"
 _SOURCE_LINE = re.compile(r" at /\S+\.rs:\d+\.")
 
 
-def configuration(access: Access) -> zenoh.Config:
-    """Zenoh's configuration for it; raises ``AccessError``.
+def configuration(endpoints: Endpoints) -> zenoh.Config:
+    """Zenoh's configuration for it; raises ``ConfigurationError``.
 
     Explicit endpoints only, unless a configuration file says otherwise: nothing is scouted for,
     nothing listens that was not asked to. Certificates overrule such a file.
     """
-    config = _from_file(access)
-    if access.mode is not None:
-        _insert(config, "mode", access.mode)
-    _insert_if_open(config, "mode", "peer" if access.listen else "client")
+    config = _from_file(endpoints)
+    if endpoints.mode is not None:
+        _insert(config, "mode", endpoints.mode)
+    _insert_if_open(config, "mode", "peer" if endpoints.listen else "client")
     default = zenoh.Config().get_json("listen/endpoints")
     # A file may tell its owner where to listen; who only looks whether that is there must not.
-    unsaid = config.get_json("listen/endpoints") == default
-    if access.listen or access.mode == "client" or unsaid:
-        _insert(config, "listen/endpoints", access.listen)
-    if access.connect:
-        _insert(config, "connect/endpoints", access.connect)
-    if access.identity is not None:
-        _insert_identity(config, access.identity, access.direct_radio)
+    not_given = config.get_json("listen/endpoints") == default
+    if endpoints.listen or endpoints.mode == "client" or not_given:
+        _insert(config, "listen/endpoints", endpoints.listen)
+    if endpoints.connect:
+        _insert(config, "connect/endpoints", endpoints.connect)
+    if endpoints.identity is not None:
+        _insert_identity(config, endpoints.identity, endpoints.direct_radio)
     bytes_max = json.loads(config.get_json(_BYTES_MAX))
-    _insert(config, _BYTES_MAX, min(bytes_max, access.message_bytes_max))
+    _insert(config, _BYTES_MAX, min(bytes_max, endpoints.message_bytes_max))
     retry = {
         "period_init_ms": CONNECT_RETRY_MS,
         "period_max_ms": CONNECT_RETRY_MS_MAX,
         "period_increase_factor": 2,
     }
-    _insert_if_open(config, "connect/timeout_ms", int(access.connect_s_max * 1000))
+    _insert_if_open(config, "connect/timeout_ms", int(endpoints.connect_s_max * 1000))
     _insert_if_open(config, "connect/exit_on_failure", True)
     _insert_if_open(config, "connect/retry", retry)
     _insert_if_open(config, "scouting/multicast/enabled", False)
     _insert_if_open(config, "scouting/gossip/enabled", False)
-    if access.config is None:
+    if endpoints.config is None:
         _insert(config, "transport/shared_memory/enabled", False)
-    _insert_lanes(config)
+    _insert_queues(config)
     exposed = _exposed(config)
-    if exposed and not access.without_authentication:
-        raise AccessError(
+    if exposed and not endpoints.without_authentication:
+        raise ConfigurationError(
             f"listen = {exposed[0]}: other machines may reach it, and nothing tells who connects;"
             " listen on 127.0.0.1, or give --certificates, or say --without-authentication"
         )
     return config
 
 
-def endpoints(access: Access) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def configured_endpoints(endpoints: Endpoints) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Where it will listen and where it will connect, its configuration file included."""
-    config = configuration(access)
+    config = configuration(endpoints)
     mode = json.loads(config.get_json("mode"))
     return _listed(config, "listen/endpoints", mode), _listed(config, "connect/endpoints", mode)
 
 
-def warning(access: Access) -> str | None:
-    """What is to be said of listening as asked, if anything; raises ``AccessError``."""
-    exposed = _exposed(configuration(access))
+def warning(endpoints: Endpoints) -> str | None:
+    """What is to be said of listening as asked, if anything; raises ``ConfigurationError``."""
+    exposed = _exposed(configuration(endpoints))
     if not exposed:
         return None
     return (
@@ -85,17 +85,21 @@ def warning(access: Access) -> str | None:
     )
 
 
-def _from_file(access: Access) -> zenoh.Config:
-    if access.config is None:
+def _from_file(endpoints: Endpoints) -> zenoh.Config:
+    if endpoints.config is None:
         return zenoh.Config()
     try:
         # Opened here first: a reason in plain words.
-        access.config.open("rb").close()
-        return zenoh.Config.from_file(str(access.config))
+        endpoints.config.open("rb").close()
+        return zenoh.Config.from_file(str(endpoints.config))
     except OSError as error:
-        raise AccessError(f"Zenoh configuration {access.config}: {error.strerror}") from None
+        raise ConfigurationError(
+            f"Zenoh configuration {endpoints.config}: {error.strerror}"
+        ) from None
     except zenoh.ZError as error:
-        raise AccessError(f"Zenoh configuration {access.config}: {in_one_line(error)}") from None
+        raise ConfigurationError(
+            f"Zenoh configuration {endpoints.config}: {in_one_line(error)}"
+        ) from None
 
 
 def _insert_identity(config: zenoh.Config, identity: Identity, direct_radio: bool) -> None:
@@ -109,11 +113,11 @@ def _insert_identity(config: zenoh.Config, identity: Identity, direct_radio: boo
         (_insert_if_open if name == "connect/retry" else _insert)(config, name, value)
 
 
-def _insert_lanes(config: zenoh.Config) -> None:
+def _insert_queues(config: zenoh.Config) -> None:
     """Room for messages, and who waits for it, where a configuration file says nothing else."""
     listens = _listed(config, "listen/endpoints", json.loads(config.get_json("mode")))
     default = zenoh.Config()
-    for name, value in (ROOM | GATE if listens else ROOM).items():
+    for name, value in (QUEUE_SETTINGS | GATE_SETTINGS if listens else QUEUE_SETTINGS).items():
         if config.get_json(name) == default.get_json(name):
             _insert(config, name, value)
 
@@ -134,10 +138,10 @@ def _exposed(config: zenoh.Config) -> tuple[str, ...]:
 
 def _listed(config: zenoh.Config, name: str, mode: str) -> tuple[str, ...]:
     """Endpoints of a configuration, which may name them apart for each mode."""
-    found = json.loads(config.get_json(name))
-    if isinstance(found, dict):
-        found = found.get(mode, [])
-    return tuple(map(str, found if isinstance(found, list) else [found]))
+    entry = json.loads(config.get_json(name))
+    if isinstance(entry, dict):
+        entry = entry.get(mode, [])
+    return tuple(map(str, entry if isinstance(entry, list) else [entry]))
 
 
 def _insert(config: zenoh.Config, name: str, value: object) -> None:

@@ -18,25 +18,30 @@ from typing import Any, NamedTuple
 
 import zenoh
 
-from encircle.protocol.errors import LinkClosed, ProtocolError
+from encircle.protocol.errors import ConnectionClosed, ProtocolError
 from encircle.protocol.keys import is_plain
 from encircle.protocol.mailbox import now_us
-from encircle.protocol.process.interrupts import leave_threads_at_work
+from encircle.protocol.process.interrupts import expect_library_threads
 from encircle.protocol.zenoh.configuration import configuration, in_one_line
-from encircle.protocol.zenoh.endpoints import BY_HOST_AND_PORT, Access, LinkError, host_and_port
-from encircle.protocol.zenoh.lanes import ROUND, SURE, lane
-from encircle.protocol.zenoh.node_info import About, read, replier
+from encircle.protocol.zenoh.endpoints import (
+    NETWORK_PROTOCOLS,
+    ConnectionFailed,
+    Endpoints,
+    host_and_port,
+)
+from encircle.protocol.zenoh.lanes import ROUND, SURE, message_priority
+from encircle.protocol.zenoh.node_info import NodeInfo, decode_info, info_replier
 
 __all__ = [
-    "LinkError",
-    "ZenohLink",
+    "ConnectionFailed",
+    "ZenohConnection",
     "alive_keys",
-    "ask",
     "closing",
+    "first_messages",
     "has_neighbours",
     "is_alive",
     "open_session",
-    "overheard",
+    "query",
     "subscribe_alive",
 ]
 
@@ -53,21 +58,21 @@ CLOSE_S_MAX = 1.0
 """How long to take leave of the others, in s: one that is frozen takes ten seconds each."""
 
 
-class ZenohLink:
+class ZenohConnection:
     """A ``encircle.protocol.connections.Link`` over one Zenoh session.
 
     ``takes``: key expression of the messages to receive; what this session sends itself never
     comes back. ``check``: called before anything is received, and may raise to go no further.
-    Raises ``LinkError``.
+    Raises ``ConnectionFailed``.
     """
 
     def __init__(
         self,
-        access: Access,
-        takes: str,
+        endpoints: Endpoints,
+        subscription: str,
         check: Callable[[zenoh.Session], None] = lambda _session: None,
     ) -> None:
-        self._session = open_session(access)
+        self._session = open_session(endpoints)
         try:
             # Before: what nobody receives would soon fill the inbox, and then hold up the others.
             check(self._session)
@@ -75,16 +80,18 @@ class ZenohLink:
             _close(self._session)
             raise
         self._publishers: dict[tuple[str, str], zenoh.Publisher] = {}
-        self._said: dict[str, bytes] = {}
+        self._last_payloads: dict[str, bytes] = {}
         self._waits = True
         self._tokens: list[zenoh.LivelinessToken] = []
         self._watchers: list[Any] = []
         self._closing = threading.Lock()
         self._closed = threading.Event()
         # Zenoh bounds a channel by count alone, and a message by its bytes.
-        count_max = min(INBOX_MAX, INBOX_BYTES_MAX // access.message_bytes_max)
+        count_max = min(INBOX_MAX, INBOX_BYTES_MAX // endpoints.message_bytes_max)
         self._inbox = self._session.declare_subscriber(
-            takes, zenoh.handlers.FifoChannel(count_max), allowed_origin=zenoh.Locality.REMOTE
+            subscription,
+            zenoh.handlers.FifoChannel(count_max),
+            allowed_origin=zenoh.Locality.REMOTE,
         )
 
     @property
@@ -93,20 +100,20 @@ class ZenohLink:
         return self._session
 
     def send(self, key: str, payload: bytes) -> None:
-        """Publish; blocks while the transport is congested, or drops after ``never_wait``.
+        """Publish; blocks while the transport is congested, or drops after ``drop_when_congested``.
 
-        What becomes of it on its way is said in ``encircle.protocol.zenoh.lanes``. ``LinkClosed``
-        after ``close``.
+        What becomes of it on its way is said in ``encircle.protocol.zenoh.lanes``.
+        ``ConnectionClosed`` after ``close``.
         """
-        chosen = lane(key, self._waits and self._said.get(key) == payload)
-        self._said[key] = payload
+        chosen = message_priority(key, self._waits and self._last_payloads.get(key) == payload)
+        self._last_payloads[key] = payload
         try:
             publisher = self._publishers.get((key, chosen))
             if publisher is None:
                 publisher = self._publishers[key, chosen] = self._publisher(key, chosen)
             publisher.put(payload)
         except zenoh.ZError as error:
-            raise LinkClosed(str(error)) from None
+            raise ConnectionClosed(str(error)) from None
 
     def _publisher(self, key: str, chosen: str) -> zenoh.Publisher:
         control = zenoh.CongestionControl
@@ -118,22 +125,22 @@ class ZenohLink:
         )
 
     def receive(self) -> tuple[str, bytes]:
-        """The next message; ``LinkClosed`` once ``close`` was called."""
+        """The next message; ``ConnectionClosed`` once ``close`` was called."""
         try:
             sample = self._inbox.recv()
         except zenoh.ZError as error:
-            raise LinkClosed(str(error)) from None
+            raise ConnectionClosed(str(error)) from None
         return str(sample.key_expr), sample.payload.to_bytes()
 
     def waiting(self) -> Iterator[tuple[str, bytes]]:
-        """The messages that are there now, one by one; ``LinkClosed`` as in ``receive``."""
+        """The messages that are there now, one by one; ``ConnectionClosed`` as in ``receive``."""
         try:
             while (sample := self._inbox.try_recv()) is not None:
                 yield str(sample.key_expr), sample.payload.to_bytes()
         except zenoh.ZError as error:
-            raise LinkClosed(str(error)) from None
+            raise ConnectionClosed(str(error)) from None
 
-    def overhear(self, expression: str, tell: Callable[[str, bytes], None]) -> Callable[[], None]:
+    def subscribe(self, expression: str, tell: Callable[[str, bytes], None]) -> Callable[[], None]:
         """As in ``protocol.connections.Link``; ``tell`` is called on one of Zenoh's threads."""
 
         def handed_over(sample: zenoh.Sample) -> None:
@@ -150,12 +157,12 @@ class ZenohLink:
 
         return end
 
-    def never_wait(self) -> None:
+    def drop_when_congested(self) -> None:
         """As in ``encircle.protocol.connections.Link``."""
         self._waits = False
         self._publishers.clear()
 
-    def announce(self, key: str) -> None:
+    def declare_alive(self, key: str) -> None:
         """Declare a liveliness token: it is gone when this process is, however it ends."""
         self._tokens.append(self._session.liveliness().declare_token(key))
 
@@ -166,12 +173,12 @@ class ZenohLink:
         ``ROUTER_S_MAX`` later.
         """
         if self._session.info.routers_zid():
-            tell = _Patience(self._session, tell, self._closed).tell
+            tell = _TokenFilter(self._session, tell, self._closed).tell
         self._watchers.append(subscribe_alive(self._session, expression, tell))
 
-    def tell_about(self, key: str, party: str) -> None:
+    def answer_info_queries(self, key: str, node: str) -> None:
         """Answer whoever asks what this party is, which versions it has, what its clock shows."""
-        self._watchers.append(answer(self._session, key, replier(party, now_us)))
+        self._watchers.append(serve_queries(self._session, key, info_replier(node, now_us)))
 
     def flush(self, expression: str, s_max: float) -> bool:
         """Wait until the parties that tell about themselves on such keys have had what was sent.
@@ -189,11 +196,11 @@ class ZenohLink:
             return any(reply.ok is not None for reply in replies)
         return False
 
-    def ask_about(self, key: str, s_max: float) -> About | None:
+    def query_info(self, key: str, s_max: float) -> NodeInfo | None:
         """What a party says of itself on a key; None if nothing comes that can be understood."""
         with contextlib.suppress(ProtocolError, zenoh.ZError):  # such as: closed meanwhile
-            said = ask(self._session, key, s_max)
-            return None if said is None else read(said.payload)
+            reply = query(self._session, key, s_max)
+            return None if reply is None else decode_info(reply.payload)
         return None
 
     def close(self) -> None:
@@ -205,23 +212,23 @@ class ZenohLink:
             self._closed.set()
             if not self._session.is_closed():
                 # Zenoh's own threads wait while the inbox is full, and closing waits for them.
-                emptying = threading.Thread(target=self._empty, name="emptying", daemon=True)
+                emptying = threading.Thread(target=self._drain, name="emptying", daemon=True)
                 emptying.start()
                 _close(self._session)
                 emptying.join(CLOSE_S_MAX)
 
-    def _empty(self) -> None:
-        with contextlib.suppress(LinkClosed):
+    def _drain(self) -> None:
+        with contextlib.suppress(ConnectionClosed):
             while True:
                 self.receive()
 
 
-def _priority(lane: str) -> zenoh.Priority:
-    found: zenoh.Priority = getattr(zenoh.Priority, lane.upper())
+def _priority(message_priority: str) -> zenoh.Priority:
+    found: zenoh.Priority = getattr(zenoh.Priority, message_priority.upper())
     return found
 
 
-class _Patience:
+class _TokenFilter:
     """Tells of tokens, but not of those that a restarted router brings back.
 
     A client sees every token go when its router does, its own included. So it waits a moment, and
@@ -316,7 +323,7 @@ def alive_keys(session: zenoh.Session, expression: str, s_max: float) -> set[str
     return set(filter(is_plain, (str(r.ok.key_expr) for r in replies if r.ok is not None)))
 
 
-def answer(session: zenoh.Session, key: str, reply: Callable[[], bytes]) -> Any:
+def serve_queries(session: zenoh.Session, key: str, reply: Callable[[], bytes]) -> Any:
     """Answer queries on a key, on Zenoh's own thread, as long as what is returned is kept."""
 
     def asked(query: zenoh.Query) -> None:
@@ -325,25 +332,25 @@ def answer(session: zenoh.Session, key: str, reply: Callable[[], bytes]) -> Any:
     return session.declare_queryable(key, zenoh.handlers.Callback(asked, indirect=False))
 
 
-class Answer(NamedTuple):
+class QueryReply(NamedTuple):
     """What came back of a query, and when it was asked and heard by this machine's clock."""
 
     payload: bytes
     asked_us: int
-    heard_us: int
+    arrival_us: int
 
 
-def ask(session: zenoh.Session, key: str, s_max: float) -> Answer | None:
+def query(session: zenoh.Session, key: str, s_max: float) -> QueryReply | None:
     """Query a key once; None if nobody answers within ``s_max`` seconds."""
     asked_us = now_us()
     for reply in session.get(key, timeout=s_max):
-        heard_us = now_us()
+        arrival_us = now_us()
         if reply.ok is not None:
-            return Answer(reply.ok.payload.to_bytes(), asked_us, heard_us)
+            return QueryReply(reply.ok.payload.to_bytes(), asked_us, arrival_us)
     return None
 
 
-def overheard(session: zenoh.Session, expression: str, s_max: float) -> dict[str, bytes]:
+def first_messages(session: zenoh.Session, expression: str, s_max: float) -> dict[str, bytes]:
     """The first message on each key that matches, of those sent in the next ``s_max`` seconds."""
     found: dict[str, bytes] = {}
 
@@ -365,22 +372,22 @@ def has_neighbours(session: zenoh.Session) -> bool:
     return bool(session.info.routers_zid() or session.info.peers_zid())
 
 
-def open_session(access: Access) -> zenoh.Session:
-    """A session that has bound and connected as asked; ``LinkError`` says where it could not."""
+def open_session(endpoints: Endpoints) -> zenoh.Session:
+    """A session that has bound and connected as asked; else ``ConnectionFailed`` says where."""
     zenoh.init_log_from_env_or("off")
-    leave_threads_at_work()
-    config = configuration(access)
+    expect_library_threads()
+    config = configuration(endpoints)
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
         reason = in_one_line(error)
         connecting = "connect to" in reason
         doing = "connect to" if connecting else "listen on"
-        where = ", ".join(access.connect if connecting else access.listen) or access
-        unknown = [e for e in access.connect if connecting and not _is_known(e)]
+        where = ", ".join(endpoints.connect if connecting else endpoints.listen) or endpoints
+        unknown = [e for e in endpoints.connect if connecting and not _acknowledge(e)]
         if unknown:
             reason = f"no address is known for the host of {', '.join(unknown)}"
-        raise LinkError(f"cannot {doing} {where}: {reason}") from None
+        raise ConnectionFailed(f"cannot {doing} {where}: {reason}") from None
 
 
 @contextlib.contextmanager
@@ -404,9 +411,9 @@ def _close(session: zenoh.Session) -> None:
     thread.join(CLOSE_S_MAX)
 
 
-def _is_known(endpoint: str) -> bool:
+def _acknowledge(endpoint: str) -> bool:
     """Whether an endpoint's host, a name or an address already, can be turned into an address."""
-    if endpoint.partition("/")[0] not in BY_HOST_AND_PORT:
+    if endpoint.partition("/")[0] not in NETWORK_PROTOCOLS:
         return True
     with contextlib.suppress(OSError, UnicodeError):
         return bool(socket.getaddrinfo(*host_and_port(endpoint)))

@@ -24,18 +24,18 @@ Mode = Literal["client", "peer", "router"]
 CONNECT_S_MAX = 30.0
 MESSAGE_BYTES_MAX = max(BYTES_MAX.values()) + 1024
 """The longest message of the protocol, and some more, so that one that is too long is counted."""
-BY_HOST_AND_PORT = ("tcp", "udp", "tls", "quic", "ws")
-ON_THIS_MACHINE = ("unixsock-stream", "unixpipe")
-OTHERS = ("serial", "vsock")
+NETWORK_PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws")
+LOCAL_PROTOCOLS = ("unixsock-stream", "unixpipe")
+OTHER_PROTOCOLS = ("serial", "vsock")
 ENDPOINT = "PROTOCOL/HOST:PORT, as in tcp/127.0.0.1:7447"
 _HOST_AND_PORT = re.compile(r"(\[[0-9A-Fa-f:.%\w]+\]|[^\s:\[\]/]+):(\d{1,5})")
 
 
-class LinkError(Exception):
+class ConnectionFailed(Exception):
     """A link cannot be opened; the message says where and why."""
 
 
-class AccessError(LinkError):
+class ConfigurationError(ConnectionFailed):
     """What was asked for is wrong in itself; the message names it and what would be right."""
 
 
@@ -52,8 +52,8 @@ class Identity:
 
 
 @dataclass(frozen=True, slots=True)
-class Access:
-    """Where to listen and where to connect; raises ``AccessError`` for what cannot be meant.
+class Endpoints:
+    """Where to listen and where to connect; raises ``ConfigurationError`` for what cannot be meant.
 
     ``mode``: None is what the configuration file says, else peer if it listens, else client.
     ``config``: a Zenoh configuration file (JSON5), which the other fields overrule.
@@ -75,38 +75,42 @@ class Access:
 
     def __post_init__(self) -> None:
         if not (self.listen or self.connect or self.config):
-            raise AccessError("neither an endpoint to listen on nor one to connect to: give one")
+            raise ConfigurationError(
+                "neither an endpoint to listen on nor one to connect to: give one"
+            )
         for endpoint in self.listen:
             check_endpoint("listen", endpoint, port_min=0)
         for endpoint in self.connect:
             check_endpoint("connect", endpoint, port_min=1)
         if self.mode == "client" and self.listen:
-            raise AccessError(f"listen = {self.listen[0]}: a client only connects")
+            raise ConfigurationError(f"listen = {self.listen[0]}: a client only connects")
 
     def __str__(self) -> str:
         return ", ".join((*self.listen, *self.connect)) or str(self.config)
 
 
 def check_endpoint(kind: str, endpoint: str, port_min: int = 1) -> None:
-    """``AccessError`` if it is no endpoint; ``kind`` names the setting in the message."""
-    wrong = AccessError(f"{kind} = {endpoint!r}: must be {ENDPOINT}")
+    """``ConfigurationError`` if it is no endpoint; ``kind`` names the setting in the message."""
+    wrong = ConfigurationError(f"{kind} = {endpoint!r}: must be {ENDPOINT}")
     protocol, separator, rest = endpoint.partition("/")
     if not separator or not rest:
         raise wrong
-    if protocol in BY_HOST_AND_PORT:
-        found = _HOST_AND_PORT.fullmatch(_address(endpoint))
-        if found is None or not port_min <= int(found[2]) <= 65535:
+    if protocol in NETWORK_PROTOCOLS:
+        match = _HOST_AND_PORT.fullmatch(_address(endpoint))
+        if match is None or not port_min <= int(match[2]) <= 65535:
             raise wrong
-    elif protocol not in (*ON_THIS_MACHINE, *OTHERS):
-        known = ", ".join(BY_HOST_AND_PORT)
-        raise AccessError(f"{kind} = {endpoint!r}: protocol {protocol!r} is not one of {known}")
+    elif protocol not in (*LOCAL_PROTOCOLS, *OTHER_PROTOCOLS):
+        known = ", ".join(NETWORK_PROTOCOLS)
+        raise ConfigurationError(
+            f"{kind} = {endpoint!r}: protocol {protocol!r} is not one of {known}"
+        )
 
 
 def host_and_port(endpoint: str) -> tuple[str, int]:
     """Host and port of an endpoint that has them and has been checked."""
-    found = _HOST_AND_PORT.fullmatch(_address(endpoint))
-    assert found is not None, endpoint
-    return found[1].strip("[]"), int(found[2])
+    match = _HOST_AND_PORT.fullmatch(_address(endpoint))
+    assert match is not None, endpoint
+    return match[1].strip("[]"), int(match[2])
 
 
 def reachable_from_elsewhere(endpoints: Iterable[str]) -> tuple[str, ...]:
@@ -116,8 +120,8 @@ def reachable_from_elsewhere(endpoints: Iterable[str]) -> tuple[str, ...]:
 
 def _is_local(endpoint: str) -> bool:
     protocol = endpoint.partition("/")[0]
-    if protocol not in BY_HOST_AND_PORT:
-        return protocol in ON_THIS_MACHINE
+    if protocol not in NETWORK_PROTOCOLS:
+        return protocol in LOCAL_PROTOCOLS
     host = _address(endpoint).rpartition(":")[0].strip("[]")
     if host == "localhost":
         return True
@@ -132,7 +136,7 @@ def _address(endpoint: str) -> str:
     return re.split(r"[?#]", endpoint.partition("/")[2])[0]
 
 
-def here(endpoint: str) -> str:
+def loopback_endpoint(endpoint: str) -> str:
     """The endpoint by which this machine itself reaches what listens on ``endpoint``."""
     protocol, _, rest = endpoint.partition("/")
     for everywhere, loopback in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):

@@ -11,54 +11,54 @@ from pathlib import Path
 from typing import Any
 
 from encircle.protocol.zenoh.access_control import AUTHORITY, VIEWER, identity_in
-from encircle.protocol.zenoh.endpoints import AccessError, Identity
+from encircle.protocol.zenoh.endpoints import ConfigurationError, Identity
 
 FLIGHTS_MAX = 10
 PEM, KEY = ".pem", ".key"
 
 
 def identity_of(directory: Path, name: str) -> Identity:
-    """A party's identity that will do; ``AccessError`` names the file and what is wrong with it."""
+    """A node's identity that will do; ``ConfigurationError`` names the file and what is wrong."""
     identity = identity_in(directory, name)
     mode = stat.S_IMODE(identity.key.stat().st_mode)
     if mode & 0o077:
-        raise AccessError(
+        raise ConfigurationError(
             f"certificates = {directory}: {identity.key.name}: mode {mode:04o} lets others at the"
             f" key: chmod 600 {identity.key}"
         )
     try:
-        found = common_name(identity)
+        subject = common_name(identity)
     except ssl.SSLCertVerificationError as error:
-        raise AccessError(
+        raise ConfigurationError(
             f"certificates = {directory}: {identity.certificate.name}: {error.verify_message};"
             " make new ones with encircle certificates"
         ) from None
-    except _Locked:
-        raise AccessError(
+    except _EncryptedKey:
+        raise ConfigurationError(
             f"certificates = {directory}: {identity.key.name}: must have no passphrase, for nobody"
             " is there to type it"
         ) from None
     except (ssl.SSLError, OSError) as error:
         reason = getattr(error, "reason", None) or "not in PEM form"
         files = f"{AUTHORITY}{PEM}, {name}{PEM} and {name}{KEY}"
-        raise AccessError(
+        raise ConfigurationError(
             f"certificates = {directory}: {files} are not a certificate and its key: {reason}"
         ) from None
-    if found != name:
-        raise AccessError(
+    if subject != name:
+        raise ConfigurationError(
             f"certificates = {directory}: {identity.certificate.name}: is the certificate of"
-            f" {found!r}, not of {name!r}"
+            f" {subject!r}, not of {name!r}"
         )
     return identity
 
 
-def onlookers_identity(directory: Path) -> Identity:
+def viewer_identity(directory: Path) -> Identity:
     """For one who only looks: the viewer's identity if it is there, else the only one there is."""
     names = sorted(path.stem for path in directory.glob(f"*{KEY}") if _has_certificate(path))
     if VIEWER in names or not names:
         return identity_of(directory, VIEWER)
     if len(names) > 1:
-        raise AccessError(
+        raise ConfigurationError(
             f"certificates = {directory}: whose, of {', '.join(names[:5])}? Put {VIEWER}{PEM} and"
             f" {VIEWER}{KEY} there, or leave one"
         )
@@ -100,13 +100,13 @@ def common_name(identity: Identity) -> str:
     raise ssl.SSLError("the handshake came to no end")
 
 
-class _Locked(Exception):
+class _EncryptedKey(Exception):
     """A key that is encrypted."""
 
 
 def _no_passphrase() -> str:
     # Else the library would ask for it, on the terminal, and wait.
-    raise _Locked
+    raise _EncryptedKey
 
 
 def _has_certificate(key: Path) -> bool:

@@ -17,27 +17,27 @@ Settings are a mapping from names in Zenoh's configuration to values, as in
 
 from typing import Any
 
-ROUND, SURE, SHOWN = "data_high", "interactive_low", "data_low"
+ROUND, SURE, VIEWERS = "data_high", "interactive_low", "data_low"
 """Priorities: of observations and answers; of what must come; of what only viewers read. Whoever
 knows nothing of lanes sends by Zenoh's default, ``data``, and cannot crowd out a round."""
-ONCE = ("/setup", "/end")
+SENT_ONCE = ("/setup", "/end")
 """Messages that are not sent again, and so are never dropped."""
 FOR_VIEWERS = "/state"
 BATCHES_MAX = 16
 """What may wait to be sent on each lane of a connection, in Zenoh's batches of 64 KiB; with Zenoh's
 own 2, a busy processor is enough to fill it."""
-CLOSES_US = 1_000_000
+CLOSE_AFTER_US = 1_000_000
 """How long a gate waits for room on the sure lane before it closes the connection."""
 
 Settings = dict[str, Any]
 
-_YIELDING = {
+_DROP_WHEN_FULL = {
     "id": "what finds no room is dropped",
     "messages": ["put", "delete", "query"],
     "flows": ["egress"],
     "overwrite": {"congestion_control": "drop", "express": False},
 }
-_SURE = {
+_BLOCK_WHEN_FULL = {
     "id": "but not on the sure lane",
     "messages": ["put"],
     "flows": ["egress"],
@@ -45,19 +45,19 @@ _SURE = {
     "qos": {"priority": SURE},
     "overwrite": {"congestion_control": "block"},
 }
-ROOM: Settings = {
+QUEUE_SETTINGS: Settings = {
     f"transport/link/tx/queue/size/{priority}": BATCHES_MAX for priority in (ROUND, SURE, "data")
 }
 """Of every party."""
-GATE: Settings = {
-    "qos/network": [_YIELDING, _SURE],
-    "transport/link/tx/queue/congestion_control/block/wait_before_close": CLOSES_US,
+GATE_SETTINGS: Settings = {
+    "qos/network": [_DROP_WHEN_FULL, _BLOCK_WHEN_FULL],
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": CLOSE_AFTER_US,
 }
-"""Of every party that listens, beside ``ROOM``."""
+"""Of every party that listens, beside ``QUEUE_SETTINGS``."""
 
 
-def lane(key: str, again: bool) -> str:
+def message_priority(key: str, again: bool) -> str:
     """The priority of a message; ``again``: this was sent before, for it may have been lost."""
-    if again or key.endswith(ONCE):
+    if again or key.endswith(SENT_ONCE):
         return SURE
-    return SHOWN if key.endswith(FOR_VIEWERS) else ROUND
+    return VIEWERS if key.endswith(FOR_VIEWERS) else ROUND

@@ -30,14 +30,14 @@ PACKAGES = ("encircle", "eclipse-zenoh")
 
 
 @dataclass(frozen=True, slots=True)
-class About:
+class NodeInfo:
     """A party's answer. ``versions``: by package, and of Python; times: its clock, Unix time in us.
 
     ``wire``: the version of the wire format it speaks. ``received_us``: when it was asked;
     ``sent_us``: when it answered.
     """
 
-    party: str
+    node: str
     wire: int
     versions: Mapping[str, str]
     received_us: int
@@ -45,31 +45,31 @@ class About:
 
 
 @lru_cache(maxsize=1)
-def own_versions() -> dict[str, str]:
+def versions_here() -> dict[str, str]:
     """Versions of this party's Python and packages."""
-    found = {"python": platform.python_version()}
+    versions_found = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
-            found[name] = version(name)
+            versions_found[name] = version(name)
         except PackageNotFoundError:  # run from a directory that nothing was installed from
-            found[name] = "not installed"
-    return found
+            versions_found[name] = "not installed"
+    return versions_found
 
 
-def replier(party: str, clock_us: Callable[[], int]) -> Callable[[], bytes]:
+def info_replier(node: str, clock_us: Callable[[], int]) -> Callable[[], bytes]:
     """A function that makes this party's answer to the query that has just come in."""
-    versions = own_versions()
+    versions = versions_here()
 
     def reply() -> bytes:
         received_us = clock_us()
-        head = {"v": VERSION, "party": party, "versions": versions, "received_us": received_us}
+        head = {"v": VERSION, "party": node, "versions": versions, "received_us": received_us}
         payload: bytes = msgpack.packb({**head, "sent_us": clock_us()})
         return payload
 
     return reply
 
 
-def read(payload: bytes) -> About:
+def decode_info(payload: bytes) -> NodeInfo:
     """Decode an answer; ``OversizedMessage`` or ``MalformedMessage`` if it is none."""
     if len(payload) > BYTES_MAX:
         raise OversizedMessage(f"an answer of {len(payload)} bytes, at most {BYTES_MAX} may be")
@@ -88,7 +88,7 @@ def read(payload: bytes) -> About:
         and all(_is_text(part) for pair in versions.items() for part in pair)
     ):
         raise MalformedMessage("the answer lacks v, party, versions, received_us or sent_us")
-    return About(body["party"], body["v"], versions, body["received_us"], body["sent_us"])
+    return NodeInfo(body["party"], body["v"], versions, body["received_us"], body["sent_us"])
 
 
 def _is_text(value: Any) -> bool:

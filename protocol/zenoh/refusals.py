@@ -72,7 +72,7 @@ class Refusals:
         if "access_control" in line:
             self._take_message(line)
         elif "zenoh_link_tls" in line and "WARN" in line:
-            causes = (cause for said, cause in CAUSES.items() if said in line)
+            causes = (cause for phrase, cause in CAUSES.items() if phrase in line)
             self.connections[next(causes, "other")] += 1
 
     def _take_message(self, line: str) -> None:
@@ -83,13 +83,13 @@ class Refusals:
         if preparing is not None:
             self._preparing.add(preparing[1])
             return
-        found = _REFUSED.search(line)
-        if found is not None:
-            if found["subject"]:
-                self._name(found["session"], found["subject"])
-            if _CACHED in line or found["thread"] not in self._preparing:
-                who = self._names.get(found["session"], "somebody")
-                case = who, found["what"].lower()
+        match = _REFUSED.search(line)
+        if match is not None:
+            if match["subject"]:
+                self._name(match["session"], match["subject"])
+            if _CACHED in line or match["thread"] not in self._preparing:
+                who = self._names.get(match["session"], "somebody")
+                case = who, match["what"].lower()
                 if case in self.messages or len(self.messages) < KNOWN_MAX:
                     self.messages[case] += 1
         # A new key is first looked up for every kind of message, in one go, on one thread.
@@ -104,7 +104,7 @@ class Refusals:
 
 
 @contextlib.contextmanager
-def counted() -> Iterator[Refusals]:
+def counting_refusals() -> Iterator[Refusals]:
     """Count as long as this lasts; to be entered before this process opens its first session."""
     refusals = Refusals()
     os.environ["RUST_LOG"] = LOG
@@ -130,11 +130,11 @@ def counted() -> Iterator[Refusals]:
 
 
 @contextlib.contextmanager
-def refusals_told(party: str, counts: bool) -> Iterator[None]:
+def report_refusals(node: str, counts: bool) -> Iterator[None]:
     """As ``counted``, if asked for, with a line on standard error at the end."""
     if not counts:
         yield
         return
-    with counted() as refusals:
+    with counting_refusals() as refusals:
         yield
-    say_error(f"{party}: refused: {refusals}")
+    say_error(f"{node}: refused: {refusals}")

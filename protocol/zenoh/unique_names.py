@@ -12,19 +12,19 @@ import time
 from typing import Any
 
 from encircle.protocol.zenoh.connection import is_alive
-from encircle.protocol.zenoh.endpoints import LinkError
+from encircle.protocol.zenoh.endpoints import ConnectionFailed
 
 FREE_S_MAX = 2.0
 LOOK_S_MAX = 5.0
 PERIOD_S = 0.1
 
 
-class NameTaken(LinkError):
+class NameInUse(ConnectionFailed):
     """Somebody of that name is there; the message says who."""
 
 
-def check_free(session: Any, token: str, who: str, s_max: float = FREE_S_MAX) -> None:
-    """Raise ``NameTaken`` if a token is there, and still so after ``s_max`` seconds.
+def check_name_free(session: Any, token: str, who: str, s_max: float = FREE_S_MAX) -> None:
+    """Raise ``NameInUse`` if a token is there, and still so after ``s_max`` seconds.
 
     ``session``: of ``encircle.protocol.zenoh.connection``, which nothing is subscribed to yet.
     ``who``: as people call whom the token stands for.
@@ -32,5 +32,5 @@ def check_free(session: Any, token: str, who: str, s_max: float = FREE_S_MAX) ->
     deadline_s = time.monotonic() + s_max
     while is_alive(session, token, LOOK_S_MAX):
         if time.monotonic() >= deadline_s:
-            raise NameTaken(f"there is a {who} already")
+            raise NameInUse(f"there is a {who} already")
         time.sleep(PERIOD_S)

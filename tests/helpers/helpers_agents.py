@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import cos, hypot, inf, pi, sin, sqrt
 
-from encircle.agents.brain.brain import Action, BrainState, Role, initial, step
-from encircle.agents.policies.strategies import Strategy, encircle_or_shrink
+from encircle.agents.brain.brain import Action, BrainState, RobotConfig, initial, step
+from encircle.agents.policies.policies import Policy, encircle_or_shrink
 from encircle.protocol.messages import Command, Observation, Point, Pose
 from encircle.protocol.parameters import Parameters
 
@@ -47,19 +47,21 @@ def pose(
     return Pose(robot, tick, tick, position, velocity, detection, "encircle", 0.0, 0, relayed)
 
 
-def role(
-    strategy: Strategy = encircle_or_shrink,
+def config(
+    strategy: Policy = encircle_or_shrink,
     robot: str = "r1",
     team: tuple[str, ...] = TEAM,
     **changed: object,
-) -> Role:
+) -> RobotConfig:
     """A robot's role, with some parameters changed."""
     parameters = replace(Parameters(), **changed)  # type: ignore[arg-type]
-    return Role(robot, team, TICK_S, strategy, parameters)
+    return RobotConfig(robot, team, TICK_S, strategy, parameters)
 
 
 def run_brain(
-    part: Role, observations: Sequence[Observation], packets: Callable[[int], list[Pose]] | None
+    part: RobotConfig,
+    observations: Sequence[Observation],
+    packets: Callable[[int], list[Pose]] | None,
 ) -> tuple[BrainState, list[Command]]:
     """Step a fresh brain through observations; ``packets`` gives the inbox of each tick."""
     state, actions = run_actions(part, observations, packets)
@@ -67,7 +69,7 @@ def run_brain(
 
 
 def run_actions(
-    part: Role,
+    part: RobotConfig,
     observations: Sequence[Observation],
     packets: Callable[[int], list[Pose]] | None = None,
 ) -> tuple[BrainState, list[Action]]:

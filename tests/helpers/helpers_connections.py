@@ -5,15 +5,15 @@ from concurrent.futures import Future
 
 from helpers_waiting import LONGEST_S, result_of
 
-from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.endpoints import Endpoints
 
 
 def listening(endpoint):
-    return Access(listen=(endpoint,))
+    return Endpoints(listen=(endpoint,))
 
 
 def connecting_to(endpoint, s_max=LONGEST_S):
-    return Access(connect=(endpoint,), connect_s_max=s_max)
+    return Endpoints(connect=(endpoint,), connect_s_max=s_max)
 
 
 def in_thread(function, *arguments):

@@ -17,7 +17,7 @@ from helpers_waiting import LONGEST_S, completed, ended, until
 
 from encircle.protocol.keys import robot_key
 from encircle.protocol.zenoh.connection import alive_keys, open_session
-from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.endpoints import Endpoints
 
 _numbers = itertools.count()
 
@@ -35,7 +35,7 @@ def possible() -> bool:
 
 def wait_for_robots(endpoint: str, run: str, count: int) -> None:
     """Until so many robots of a run are there: who comes then has not long to wait for them."""
-    access = Access(connect=(endpoint,), connect_s_max=LONGEST_S)
+    access = Endpoints(connect=(endpoint,), connect_s_max=LONGEST_S)
     with open_session(access) as session:
         there = partial(alive_keys, session, robot_key(run, "*", "alive"), LONGEST_S)
         until(lambda: len(there()) >= count, f"{count} robots of run {run}")
@@ -88,9 +88,9 @@ class Hosts:
         """A command of ours on a host, as ``python -m``, with these environment variables."""
         within = ["nsenter", f"--net=/run/netns/{self._base}-{host}"]
         log = self._logs / f"{len(self.started)}-{host}"
-        party = Party([*within, *ours(*arguments)], log, settings or {})
-        self.started.append(party)
-        return party
+        node = Party([*within, *ours(*arguments)], log, settings or {})
+        self.started.append(node)
+        return node
 
     @contextlib.contextmanager
     def cut_off(self, name: str) -> Iterator[None]:
@@ -102,8 +102,8 @@ class Hosts:
             ip("-n", self._switch, "link", "set", name, "up")
 
     def close(self) -> None:
-        for party in self.started:
-            party.kill()
+        for node in self.started:
+            node.kill()
         for space in reversed(self._spaces):
             subprocess.run(["ip", "netns", "delete", space], check=False, capture_output=True)
 

@@ -5,13 +5,13 @@ import sys
 from pathlib import Path
 
 STRATEGY = """
-from encircle.agents.policies.strategies import Choice
+from encircle.agents.policies.policies import Decision
 
 
 def chase(view):
     x, y = view.positions[view.own]
     step = (view.target[0] - x, view.target[1] - y)
-    return Choice("chase", step, view.target)
+    return Decision("chase", step, view.target)
 """
 
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from encircle.agents.brain.real_time_core import RealTimeCore
+from encircle.agents.brain.real_time_core import RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.keys import parse_key
 from encircle.world.arena.engine import build
-from encircle.world.coordinator.paced_core import PacedCore
+from encircle.world.coordinator.real_time_core import RealTimeWorldCore
 from encircle.world.loading.load import load
 from encircle.world.recording.run_directory import start_recording
 from encircle.world.scenario.model import Scenario
@@ -64,15 +64,15 @@ class Simulated:
     out: Path | None = None
 
     def __post_init__(self) -> None:
-        self.world = PacedCore(build(self.scenario, self.scenario.seed), RUN)
+        self.world = RealTimeWorldCore(build(self.scenario, self.scenario.seed), RUN)
         self.cores = {robot: RobotCore(robot, RUN) for robot in self.scenario.ids}
-        self.robots: dict[str, RealTimeCore] = {}
+        self.robots: dict[str, RealTimeRobotCore] = {}
         self.sent: dict[tuple[str, str, str], list[bool]] = {}
         self._events: list[tuple[int, int, Callable[[int], None]]] = []
         self._count = 0
         self._thinking: set[str] = set()
 
-    def run(self) -> PacedCore:
+    def run(self) -> RealTimeWorldCore:
         """Play it to its end."""
         world, recorder = self.world, None
         if self.out is not None:
@@ -82,12 +82,12 @@ class Simulated:
         for robot in self.scenario.ids:
             for key, payload in world.join(robot):
                 self.cores[robot].receive(key, payload)
-                self.robots[robot] = RealTimeCore(self.cores[robot])
+                self.robots[robot] = RealTimeRobotCore(self.cores[robot])
         self._at(0, self._begin)
         while self._events and world.ended is None:
             now_us, _, happen = heapq.heappop(self._events)
             happen(now_us)
-        world.settle()
+        world.commit()
         if recorder is not None:
             recorder.close()
         return world
@@ -109,7 +109,7 @@ class Simulated:
         self._from_world(self.world.end_tick(EPOCH_US + now_us), now_us)
 
     def _from_world(self, messages: list[tuple[str, bytes]], now_us: int) -> None:
-        self.world.settle()
+        self.world.commit()
         if self.world.ended is None:
             for key, payload in messages:
                 self._send("world", parse_key(key).robot or "", key, payload, now_us)
@@ -143,7 +143,7 @@ class Simulated:
         action = core.decide()
         if action is None:
             return
-        for key, payload in core.said(action, self.clock_us(robot, now_us)):
+        for key, payload in core.messages(action, self.clock_us(robot, now_us)):
             self._send(robot, "world", key, payload, now_us)
             if key.endswith("/pose") and self.scenario.radio == "direct":
                 for peer in self.scenario.ids:

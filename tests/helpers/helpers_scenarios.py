@@ -22,7 +22,7 @@ TICKS = (25, 60)
 TRACE_ROWS_MAX = 12
 Draws = random.Random
 Tree = dict[str, Any]
-Drawn = Callable[[Draws], Any]
+DrawnFigure = Callable[[Draws], Any]
 
 
 def scenario_of(seed: int) -> Scenario:
@@ -70,7 +70,7 @@ def _sometimes(draws: Draws, share: float = 0.3) -> bool:
     return draws.random() < share
 
 
-def _some(draws: Draws, table: dict[str, Drawn], share: float) -> Tree:
+def _some(draws: Draws, table: dict[str, DrawnFigure], share: float) -> Tree:
     return {name: draw(draws) for name, draw in table.items() if _sometimes(draws, share)}
 
 
@@ -100,7 +100,7 @@ def _team(draws: Draws, count: int, radius_m: float) -> Tree:
 
 STRATEGIES = ("xi-star", "xi-0", "xi-1", "xi-3", "pursuit")
 MOTIONS = ("holonomic", "unicycle")
-TEAM: dict[str, Drawn] = {
+TEAM: dict[str, DrawnFigure] = {
     "turn_rad_max": lambda draws: draws.uniform(0.1, 1.5),
     "step_m_max": lambda draws: draws.uniform(0.15, 0.5),
     "sensing_range_m": lambda draws: draws.uniform(3.0, 9.0),
@@ -124,14 +124,14 @@ def _place(draws: Draws) -> list[float]:
     return [draws.uniform(-4, 4), draws.uniform(-4, 4)]
 
 
-BEHAVIOURS: dict[str, dict[str, Drawn]] = {
+BEHAVIOURS: dict[str, dict[str, DrawnFigure]] = {
     "flee": {"obstacle_range_m": lambda draws: draws.uniform(0.5, 3.0)},
     "gap": {"obstacle_range_m": lambda draws: draws.uniform(0.5, 3.0)},
     "straight": {},
     "patrol": {"waypoints": lambda draws: [_place(draws) for _ in range(draws.randint(1, 4))]},
     "still": {},
 }
-TARGET: dict[str, Drawn] = {
+TARGET: dict[str, DrawnFigure] = {
     "heading_rad": lambda draws: draws.uniform(-pi, pi),
     "radius_m": lambda draws: draws.uniform(0.2, 0.7),
     "sensing_range_m": lambda draws: draws.uniform(2.0, 9.0),
@@ -144,19 +144,19 @@ def _robot(draws: Draws) -> Tree:
     return _some(draws, PARAMETERS, draws.choice((0.0, 0.1, 0.4)))
 
 
-def _one_of(*choices: Any) -> Drawn:
+def _one_of(*choices: Any) -> DrawnFigure:
     return lambda draws: draws.choice(choices)
 
 
-def _number(low: float, high: float) -> Drawn:
+def _number(low: float, high: float) -> DrawnFigure:
     return lambda draws: draws.uniform(low, high)
 
 
-def _whole(low: int, high: int) -> Drawn:
+def _whole(low: int, high: int) -> DrawnFigure:
     return lambda draws: draws.randint(low, high)
 
 
-PARAMETERS: dict[str, Drawn] = {
+PARAMETERS: dict[str, DrawnFigure] = {
     "ring_radius_m": _number(2.0, 5.0),
     "xi_grid": _one_of([0.0, 2.0], [1.5], [0.0, 0.5, 1.0, 8.0]),
     "xi_weight": _number(0.0, 0.5),
@@ -234,11 +234,11 @@ def _delay(draws: Draws, ids: list[str]) -> Tree:
     return {"model": model, **keys}
 
 
-RATES: dict[str, Drawn] = {
+RATES: dict[str, DrawnFigure] = {
     "packets_per_s": _number(3.0, 30.0),
     "bytes_per_s": _number(300.0, 3000.0),
 }
-LOSSES: dict[str, dict[str, Drawn]] = {
+LOSSES: dict[str, dict[str, DrawnFigure]] = {
     "none": {},
     "bernoulli": {"rate": _number(0.0, 1.0)},
     "gilbert-elliott": {
@@ -255,7 +255,7 @@ LOSSES: dict[str, dict[str, Drawn]] = {
     },
     "range": {"cutoff_m": _number(3.0, 12.0)},
 }
-DELAYS: dict[str, dict[str, Drawn]] = {
+DELAYS: dict[str, dict[str, DrawnFigure]] = {
     "constant": {"mean_s": _one_of(0.0, 0.1, 0.26)},
     "uniform": {"low_s": _number(0.0, 0.3), "high_s": _number(0.0, 0.6)},
     "gamma": {"mean_s": _number(0.05, 0.6), "std_s": _number(0.05, 0.6)},

@@ -67,12 +67,12 @@ class _Run:
         asked = world.begin()
         # Ends: every round is a tick, and there are no more than ticks_max.
         for _ in range(self.scenario.ticks_max + 1):
-            world.settle()
+            world.commit()
             self.witness.look(world, self.robots.values())
             if world.ended is not None:
                 break
             asked = self._round(asked)
-        world.settle()
+        world.commit()
         assert world.ended is not None, "the run has not ended by ticks_max"
         self._hand_out(asked)
         result = world.result()

@@ -21,13 +21,13 @@ from math import ceil
 from pathlib import Path
 from typing import Any, TypeVar
 
-from encircle import Patience
+from encircle import Timeouts
 
 T = TypeVar("T")
 
 STILL_S_MAX = 120.0
 STEP_S = 0.02
-LOOK_S = 1.0
+LOOK_PERIOD_S = 1.0
 """How often it is looked whether something moves, and the most that counts as waiting from one
 look to the next: the test itself may have been waiting for a turn."""
 WORK_S = 5.0
@@ -37,7 +37,7 @@ CLOCK_TICK_S = 0.01
 """Of processor times in /proc."""
 LONGEST_S = 3600.0
 """For limits of the product that nothing in a test is to reach."""
-PATIENCE = Patience(join_s_max=LONGEST_S, answer_s_max=LONGEST_S)
+TIMEOUTS = Timeouts(join_s_max=LONGEST_S, answer_s_max=LONGEST_S)
 
 
 def until(happened: Callable[[], T], what: str, progress: Callable[[], object] = lambda: None) -> T:
@@ -48,8 +48,8 @@ def until(happened: Callable[[], T], what: str, progress: Callable[[], object] =
     waited_s, looked_s, seen = 0.0, time.monotonic(), None
     while not (found := happened()):
         now_s = time.monotonic()
-        if now_s - looked_s >= LOOK_S:
-            waited_s, looked_s = waited_s + LOOK_S, now_s
+        if now_s - looked_s >= LOOK_PERIOD_S:
+            waited_s, looked_s = waited_s + LOOK_PERIOD_S, now_s
             if (now := (progress(), worked_s() // WORK_S)) != seen:
                 waited_s, seen = 0.0, now
             assert waited_s < STILL_S_MAX, f"waited in vain for {what}"

@@ -136,16 +136,16 @@ class Witness:
     def _coasting(self, tick: int, moved: np.ndarray) -> None:
         """Who gave no command for the step that led here rolls out, and then stands still."""
         for place, robot in enumerate(self.arena.ids):
-            without = 0
-            while without < tick and (tick - 1 - without, robot) not in self.commands:
-                without += 1
-            if without == 0:
+            without_lost = 0
+            while without_lost < tick and (tick - 1 - without_lost, robot) not in self.commands:
+                without_lost += 1
+            if without_lost == 0:
                 continue
-            before = tick - without
+            before = tick - without_lost
             first = self.positions[before][place] - self.positions[max(before - 1, 0)][place]
-            left = max(0.0, 1.0 - without / COAST_TICKS)
+            left = max(0.0, 1.0 - without_lost / COAST_TICKS)
             assert moved[place] <= left * hypot(*first) + STEP_TOLERANCE_M, (
-                f"{robot} moves {moved[place]} m at {tick}, {without} ticks after it was lost"
+                f"{robot} moves {moved[place]} m at {tick}, {without_lost} ticks after it was lost"
             )
 
     def _captures(self, now: np.ndarray, tick: int) -> bool:
@@ -214,11 +214,13 @@ class Witness:
         """Whether what world and robots remember is bounded, by what it must be."""
         state, ids = world.state, self.arena.ids
         assert self.tick == state.tick
-        assert not world._account.unsettled
+        assert not world._journal.pending
         assert len(world._answers) <= self.count
-        assert len(world._asked) <= 2 * self.count
-        flying = [f for due, flights in state.air.flights.items() for f in flights if due > 0]
-        assert all(due >= state.tick for due in state.air.flights)
+        assert len(world._round_messages) <= 2 * self.count
+        flying = [
+            f for due, flights in state.channel_state.flights.items() for f in flights if due > 0
+        ]
+        assert all(due >= state.tick for due in state.channel_state.flights)
         assert set(state.packets) <= {f.sent_tick for f in flying} | {state.tick - 1}
         links = self.count * (self.count - 1)
         assert sum(int(f.links.sum()) for f in flying) <= 2 * links * (state.tick + 1)
@@ -226,10 +228,10 @@ class Witness:
         assert len(world.refused) <= REFUSALS_MAX
         for core in robots:
             assert len(core.refused) <= REFUSALS_MAX
-            if core.state is None or core.role is None:
+            if core.state is None or core.config is None:
                 continue
             assert len(core.state.peers) == self.count
-            assert len(core.state.track.entries) <= core.role.parameters.window_ticks
+            assert len(core.state.track.entries) <= core.config.parameters.window_ticks
             assert all(len(e.detections) <= len(ids) for e in core.state.track.entries)
             assert len(core.state.lost) < self.count
 

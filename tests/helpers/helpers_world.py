@@ -105,7 +105,7 @@ def played(
     core = begun(WorldCore(arena, run, record=record))
     for _ in rounds(core):
         pass
-    core.settle()
+    core.commit()
     return core
 
 

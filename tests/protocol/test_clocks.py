@@ -97,7 +97,7 @@ def test_of_all_exchanges_the_one_with_the_smallest_bound_is_taken():
     offsets = Offsets(known)
     for time_us in range(EPOCH_US - 30_000, EPOCH_US + 2_600_000, 12_345):
         best = min(
-            x.error_us + DRIFT * max(0, x.asked_us - time_us, time_us - x.came_us) for x in known
+            x.error_us + DRIFT * max(0, x.asked_us - time_us, time_us - x.arrival_us) for x in known
         )
         found = offsets.at(time_us)
         assert found is not None
@@ -108,10 +108,10 @@ def test_the_bound_grows_with_the_time_since_the_last_exchange_until_nothing_is_
     exchange = Remote(0, 0.0).exchange(0, 100, 0, 100)
     offsets = Offsets([exchange])
     for later_us in (0, 1_000_000, WINDOW_US):
-        found = offsets.at(exchange.came_us + later_us)
+        found = offsets.at(exchange.arrival_us + later_us)
         assert found is not None
         assert found.error_us == exchange.error_us + DRIFT * later_us
-    assert offsets.at(exchange.came_us + WINDOW_US + 1) is None
+    assert offsets.at(exchange.arrival_us + WINDOW_US + 1) is None
     assert offsets.at(exchange.asked_us - WINDOW_US - 1) is None
 
 
@@ -145,4 +145,4 @@ def test_the_order_in_which_exchanges_are_given_does_not_matter():
     times = range(EPOCH_US, EPOCH_US + 1_000_000, 50_000)
     found = [[Offsets(order).at(t) for t in times] for order in (known, known[::-1])]
     assert found[0] == found[1]
-    assert all(a.came_us <= b.came_us for a, b in pairwise(Offsets(known[::-1]).exchanges))
+    assert all(a.arrival_us <= b.arrival_us for a, b in pairwise(Offsets(known[::-1]).exchanges))

@@ -14,7 +14,13 @@ from helpers_messages import GOLDEN
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from encircle.protocol.codec import BYTES_MAX, LEAN_BYTES_MAX, decode, decode_pose, packed
+from encircle.protocol.codec import (
+    BYTES_MAX,
+    LEAN_BYTES_MAX,
+    decode,
+    decode_pose,
+    encode_any_length,
+)
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.messages import Observation, Pose, Setup
 
@@ -50,9 +56,9 @@ def judge(kind, payload):
                 decode_pose(payload, RUN)
         return False
     assert type(message) is kind
-    again = packed(message, RUN)
+    again = encode_any_length(message, RUN)
     if len(again) <= BYTES_MAX[kind]:  # whole numbers grow when they are written as reals
-        assert packed(decode(kind, again, RUN), RUN) == again
+        assert encode_any_length(decode(kind, again, RUN), RUN) == again
     if kind is Pose:
         assert decode_pose(payload, RUN) == message
     return True

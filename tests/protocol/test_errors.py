@@ -3,7 +3,7 @@
 import pytest
 
 from encircle.protocol import errors
-from encircle.protocol.errors import LinkClosed, ProtocolError
+from encircle.protocol.errors import ConnectionClosed, ProtocolError
 
 REFUSALS = [
     error
@@ -32,4 +32,4 @@ def test_a_refusal_says_what_was_wrong_and_is_caught_as_a_protocol_error(error):
 
 
 def test_a_closed_link_is_not_counted_as_a_refusal():
-    assert not issubclass(LinkClosed, ProtocolError)
+    assert not issubclass(ConnectionClosed, ProtocolError)

@@ -3,7 +3,7 @@
 import pytest
 
 from encircle.protocol import mailbox
-from encircle.protocol.errors import LinkClosed
+from encircle.protocol.errors import ConnectionClosed
 from encircle.protocol.mailbox import Mailbox, now_us
 
 
@@ -41,7 +41,7 @@ def test_what_came_before_it_was_closed_is_still_there_and_then_it_stays_closed(
     mail.close()
     assert keys(mail.take(0.1)) == ["a"]
     for _ in range(2):
-        with pytest.raises(LinkClosed):
+        with pytest.raises(ConnectionClosed):
             mail.take(0.1)
         mail.close()
 

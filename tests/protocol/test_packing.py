@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from encircle.protocol.packing import Twice, bytes_in_list, check_names, map_size
+from encircle.protocol.packing import DuplicateName, bytes_in_list, check_names, map_size
 
 CHEAP = settings(deadline=None, derandomize=True, max_examples=100)
 values = st.recursive(
@@ -37,7 +37,7 @@ def test_what_is_there_once_is_not_taken_for_double(value):
 def test_a_name_that_comes_twice_is_found_at_any_depth(value, where):
     twice = b"\x82\xa1x" + msgpack.packb(value) + b"\xa1x" + msgpack.packb(value)
     payload = {"list": b"\x91" + twice, "map": b"\x81\xa1y" + twice, "deep": b"\x91" * 400 + twice}
-    with pytest.raises(Twice, match="x"):
+    with pytest.raises(DuplicateName, match="x"):
         check_names(payload[where])
 
 

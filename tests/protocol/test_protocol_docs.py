@@ -21,7 +21,7 @@ from helpers_protocol_page import PAGE, program, section
 from helpers_waiting import communicated, ended, until
 
 import encircle
-from encircle.agents.policies.strategies import BUILT_IN, View
+from encircle.agents.policies.policies import BUILT_IN, View
 from encircle.protocol import VERSION
 from encircle.protocol.codec import BYTES_MAX
 from encircle.protocol.keys import world_key
@@ -30,8 +30,8 @@ from encircle.protocol.parameters import Parameters
 from encircle.protocol.zenoh.access_control import RETRY, configuration_file
 from encircle.protocol.zenoh.configuration import configuration
 from encircle.protocol.zenoh.connection import open_session
-from encircle.protocol.zenoh.endpoints import Access
-from encircle.protocol.zenoh.lanes import GATE, ROOM, ROUND, SHOWN, SURE
+from encircle.protocol.zenoh.endpoints import Endpoints
+from encircle.protocol.zenoh.lanes import GATE_SETTINGS, QUEUE_SETTINGS, ROUND, SURE, VIEWERS
 from encircle.runner.launch import free_endpoint
 from encircle.world.arena.capture import is_captured
 
@@ -71,9 +71,9 @@ def test_the_table_of_a_round_is_the_codes():
 
 def test_the_rules_on_lanes_are_those_of_the_code():
     printed = json.loads(re.search(r"```json\n(.*?)```", section("Session"), re.DOTALL)[1])
-    assert printed == json.loads(configuration_file(ROOM | GATE))
+    assert printed == json.loads(configuration_file(QUEUE_SETTINGS | GATE_SETTINGS))
     rows = re.findall(r"^\| (\w+) \|[^|]*\| `(\w+)` \|", section("Session"), re.MULTILINE)
-    assert rows == [("round", ROUND), ("sure", SURE), ("shown", SHOWN)]
+    assert rows == [("round", ROUND), ("sure", SURE), ("shown", VIEWERS)]
 
 
 def test_the_round_in_bytes_is_what_its_program_prints(capsys):
@@ -166,7 +166,7 @@ def test_the_whole_robot_of_the_page_takes_part_in_a_hunt(tmp_path):
 
 
 def test_the_settings_of_robots_and_viewers_are_the_ones_used():
-    config = configuration(Access(connect=("tcp/127.0.0.1:1",)))
+    config = configuration(Endpoints(connect=("tcp/127.0.0.1:1",)))
     plain, certified = (
         re.findall(r"^\| `connect/retry` \| `(\{.*?\})`", page, re.MULTILINE)
         for page in (PAGE, SECURITY)
@@ -182,9 +182,9 @@ def test_the_viewer_of_the_page_sees_a_hunt_until_its_world_is_gone(tmp_path):
     with ExitStack() as stack:
 
         def start(name, *command):
-            party = Party([sys.executable, *command], tmp_path / name, {})
-            stack.callback(party.kill)
-            return party
+            node = Party([sys.executable, *command], tmp_path / name, {})
+            stack.callback(node.kill)
+            return node
 
         world = start(
             *(
@@ -199,9 +199,9 @@ def test_the_viewer_of_the_page_sees_a_hunt_until_its_world_is_gone(tmp_path):
                 "--json",
             )
         )
-        world.wait_until(lambda party: any("listening" in report for report in party.reports()))
+        world.wait_until(lambda node: any("listening" in report for report in node.reports()))
         viewer = start("viewer", str(script), "demo", endpoint)
-        session = stack.enter_context(open_session(Access(connect=(endpoint,))))
+        session = stack.enter_context(open_session(Endpoints(connect=(endpoint,))))
         shown = session.declare_publisher(world_key("demo", "state"))
         until(lambda: shown.matching_status, "the viewer")
         for k in range(1, 5):

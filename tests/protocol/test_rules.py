@@ -19,7 +19,7 @@ from helpers_real_time import EPOCH_US, by_clock
 from helpers_real_time import RUN as CLOCKED
 from helpers_world import RUN, answers, arena, begun, command, pose
 
-from encircle.agents.brain.real_time_core import RealTimeCore
+from encircle.agents.brain.real_time_core import RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import BYTES_MAX, decode, encode
 from encircle.protocol.keys import robot_key, world_key
@@ -27,7 +27,7 @@ from encircle.protocol.messages import CAUSE_CODE_MAX, REASON_MAX, Command, End,
 from encircle.protocol.real_time import STOPPED
 from encircle.world.arena.engine import build
 from encircle.world.channel.loss_causes import CAUSES
-from encircle.world.coordinator.paced_core import PacedCore
+from encircle.world.coordinator.real_time_core import RealTimeWorldCore
 from encircle.world.coordinator.world_core import WorldCore
 
 PAGE = " ".join((DOCS / "protocol.md").read_text().split())
@@ -367,7 +367,7 @@ class Robot:
         said = [self.tell("observation", replace(SEEN, tick=TICK + k)) for k in range(3)]
         told = [replace(decode(Command, x[-1][1], RUN), refused={}) for x in said]
         self.tell("end", End("r1", TICK, "ticks"))
-        return [*told, *(x[0] for x in said), self.core.ended, self.core.setup, self.core.taken]
+        return [*told, *(x[0] for x in said), self.core.ended, self.core.setup, self.core.accepted]
 
 
 @cases(HEARING)
@@ -384,7 +384,7 @@ class RobotByClock:
         self.core = RobotCore("r1", CLOCKED)
         setup = replace(SETUP, radio="direct")
         self.core.receive(robot_key(CLOCKED, "r1", "setup"), encode(setup, CLOCKED))
-        self.timed = RealTimeCore(self.core)
+        self.timed = RealTimeRobotCore(self.core)
         for tick in range(TICK):
             self.answer(observation("r1", tick))
 
@@ -392,13 +392,13 @@ class RobotByClock:
         payload = encode(by_the_clock(seen), CLOCKED)
         self.timed.take(seen.tick, robot_key(CLOCKED, "r1", "observation"), payload)
         action = self.timed.decide()
-        said = self.timed.said(action, 99)
+        said = self.timed.messages(action, 99)
         return [replace(decode(Command, said[-1][1], CLOCKED), refused={}), said[:-1]]
 
     def goes_on(self) -> list[Any]:
         told = [self.answer(replace(SEEN, tick=TICK + k)) for k in range(3)]
         counted = {name: self.core.refused[name] for name in ("missed", "passed-over")}
-        return [told, counted, self.core.ended, self.core.setup, self.core.taken]
+        return [told, counted, self.core.ended, self.core.setup, self.core.accepted]
 
 
 def by_the_clock(message: Any) -> Any:
@@ -421,7 +421,7 @@ def test_a_robot_by_the_clock_refuses_what_breaks_a_rule(rule):
 def test_admission_by_the_modelled_radio_is_for_robots_that_hear_each_other_alone():
     core = RobotCore("r1", RUN)
     core.receive(robot_key(RUN, "r1", "setup"), encode(SETUP, RUN))
-    timed = RealTimeCore(core)
+    timed = RealTimeRobotCore(core)
     seen = replace(observation("r1", 0), sent_us=1, admitted=())
     timed.take(1, robot_key(RUN, "r1", "observation"), encode(seen, RUN))
     assert core.refused == {"malformed": 1}
@@ -462,8 +462,8 @@ def test_an_answer_given_already_and_a_pose_that_was_not_announced_are_out_of_tu
     assert core.refused == {"out-of-turn": 2 + (not published)}
 
 
-def paced() -> PacedCore:
-    core = PacedCore(build(by_clock("radio=direct"), 1), CLOCKED)
+def paced() -> RealTimeWorldCore:
+    core = RealTimeWorldCore(build(by_clock("radio=direct"), 1), CLOCKED)
     for robot in core.arena.ids:
         core.join(robot)
     core.at(EPOCH_US)
@@ -473,7 +473,7 @@ def paced() -> PacedCore:
     return core
 
 
-def goes_by(core: PacedCore, tick: int) -> None:
+def goes_by(core: RealTimeWorldCore, tick: int) -> None:
     for robot in core.arena.ids:
         said = command(robot, tick, (0.1, 0.0), timing=(1, 2, ()))
         packet = pose(robot, tick, sent_us=1)

@@ -164,8 +164,8 @@ def test_the_program_starts_without_the_plotting_library():
 
 def test_a_robot_imports_only_what_a_robot_uses():
     code = (
-        "import sys; from encircle.agents.process.deferred_imports import postponed\n"
-        "with postponed('scipy.stats', 'scipy.ndimage'):\n"
+        "import sys; from encircle.agents.process.deferred_imports import deferred\n"
+        "with deferred('scipy.stats', 'scipy.ndimage'):\n"
         "    import encircle.agents.process.robot\n"
         "print(*sys.modules)"
     )
@@ -178,8 +178,8 @@ def test_a_robot_imports_only_what_a_robot_uses():
 
 def test_what_was_postponed_works_when_it_is_used():
     code = (
-        "from encircle.agents.process.deferred_imports import postponed\n"
-        "with postponed('scipy.stats', 'scipy.ndimage'):\n"
+        "from encircle.agents.process.deferred_imports import deferred\n"
+        "with deferred('scipy.stats', 'scipy.ndimage'):\n"
         "    import filterpy.stats\n"
         "import scipy.stats\n"
         "print(filterpy.stats.logpdf(1.0, 0.0, 1.0) == scipy.stats.norm.logpdf(1.0))"

@@ -24,9 +24,9 @@ from encircle.doctor import run as checkup_run
 from encircle.protocol import VERSION
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.mailbox import now_us
-from encircle.protocol.zenoh.connection import ZenohLink, answer, open_session
-from encircle.protocol.zenoh.endpoints import Access
-from encircle.protocol.zenoh.node_info import ROUTER_KEY, replier
+from encircle.protocol.zenoh.connection import ZenohConnection, open_session, serve_queries
+from encircle.protocol.zenoh.endpoints import Endpoints
+from encircle.protocol.zenoh.node_info import ROUTER_KEY, info_replier
 from encircle.runner.launch import free_endpoint
 
 MIB = 1024 * 1024
@@ -44,7 +44,7 @@ def elsewhere(tmp_path, monkeypatch):
 class Examined(NamedTuple):
     status: int
     well: bool
-    findings: list[checkup.Finding]
+    findings: list[checkup.CheckResult]
 
     def of(self, check):
         return [finding for finding in self.findings if finding.check == check]
@@ -58,7 +58,7 @@ def examine(capsys):
     def run(*arguments, check_s=LONGEST_S):
         status = doctor.main([*arguments, "--json", "--check-timeout", f"{check_s}"])
         told = json.loads(capsys.readouterr().out)
-        findings = [checkup.Finding(**finding) for finding in told["findings"]]
+        findings = [checkup.CheckResult(**finding) for finding in told["findings"]]
         assert told["well"] == (status == 0)
         assert status == any(finding.level == "wrong" for finding in findings)
         assert all(finding.advice for finding in findings if finding.level != "ok")
@@ -80,7 +80,7 @@ def test_without_options_it_examines_this_machine(examine):
 
 
 def test_as_text_it_says_what_to_do_and_the_verdict(capsys, monkeypatch):
-    gone = checkup.Finding("memory", "wrong", "none is left", "buy some")
+    gone = checkup.CheckResult("memory", "wrong", "none is left", "buy some")
     monkeypatch.setattr(doctor, "machine", lambda *_: [gone])
     assert doctor.main([]) == 1
     assert capsys.readouterr().out.splitlines() == [
@@ -279,7 +279,7 @@ def test_a_step_that_never_ends_is_given_up(examine, monkeypatch):
 
 def test_what_a_step_raises_comes_through():
     with pytest.raises(ZeroDivisionError):
-        doctor.within(5.0, lambda: [1 // 0])
+        doctor.with_timeout(5.0, lambda: [1 // 0])
 
 
 # Who is there
@@ -288,25 +288,25 @@ def test_what_a_step_raises_comes_through():
 @pytest.fixture
 def router():
     endpoint = free_endpoint()
-    with open_session(Access(listen=(endpoint,), mode="router")) as session:
-        kept = answer(session, ROUTER_KEY, replier("router", now_us))
+    with open_session(Endpoints(listen=(endpoint,), mode="router")) as session:
+        kept = serve_queries(session, ROUTER_KEY, info_replier("router", now_us))
         yield endpoint
         del kept
 
 
 @pytest.fixture
-def party(router):
+def node(router):
     """Have a party of a run be there: its token, and what it answers, if it does."""
     links = []
 
     def appear(name, run="t", reply=None, answers=True):
-        link = ZenohLink(Access(connect=(router,)), f"{run}/{name}")
+        link = ZenohConnection(Endpoints(connect=(router,)), f"{run}/{name}")
         links.append(link)
         key = world_key(run, "about") if name == "world" else robot_key(run, name, "about")
         if answers:
-            link.kept = answer(link.session, key, reply or replier(name, now_us))
+            link.kept = serve_queries(link.session, key, reply or info_replier(name, now_us))
         alive = world_key(run, "alive") if name == "world" else robot_key(run, name, "alive")
-        link.announce(alive)
+        link.declare_alive(alive)
         return link
 
     yield appear
@@ -329,9 +329,9 @@ def examined(examine, *arguments, holds=lambda found: found.status == 0):
     return until(looked, "what was declared to be found")
 
 
-def test_all_is_well_with_a_run_that_is_whole(examine, router, party):
+def test_all_is_well_with_a_run_that_is_whole(examine, router, node):
     for name in ("r2", "world", "r1"):
-        party(name)
+        node(name)
     found = settled(examine, router, "--run", "t")
     assert found.status == 0
     assert found.said("run", "ok") == "run t: world, r1, r2"
@@ -344,22 +344,22 @@ def test_all_is_well_with_a_run_that_is_whole(examine, router, party):
         assert float(words[2]) <= float(words[words.index("within") + 1])
 
 
-def test_without_a_runs_name_all_runs_are_listed(examine, router, party):
+def test_without_a_runs_name_all_runs_are_listed(examine, router, node):
     nothing = examine("--connect", router)
     assert "no run is under way" in nothing.said("run", "note")
-    party("world", run="one")
-    party("r1", run="two")
+    node("world", run="one")
+    node("r1", run="two")
     found = examined(examine, "--connect", router, holds=lambda found: len(found.of("run")) == 2)
     assert found.said("run", "ok") == "run one: world | run two: r1"
 
 
-def test_who_is_missing_is_named(examine, router, party):
+def test_who_is_missing_is_named(examine, router, node):
     found = examine("--connect", router, "--run", "t")
     assert "run t has no world there" in found.said("run", "wrong")
-    party("world")
+    node("world")
     settled(examine, router, "--run", "t")
-    party("r1")
-    party("r3")
+    node("r1")
+    node("r3")
     asked = settled(examine, router, "--run", "t", "--robot", "r3")
     assert asked.status == 0
     found = examine("--connect", router, "--run", "t")
@@ -369,8 +369,8 @@ def test_who_is_missing_is_named(examine, router, party):
 
 
 @pytest.mark.parametrize(("ahead_s", "level"), [(0.2, "note"), (-0.2, "note"), (7.0, "wrong")])
-def test_a_clock_that_is_off_is_found_to_be(examine, router, party, ahead_s, level):
-    party("world", reply=replier("world", lambda: now_us() + int(ahead_s * 1e6)))
+def test_a_clock_that_is_off_is_found_to_be(examine, router, node, ahead_s, level):
+    node("world", reply=info_replier("world", lambda: now_us() + int(ahead_s * 1e6)))
 
     def of_world(found):
         return [f for f in found.of("clock") if f.said.startswith("world's")]
@@ -383,13 +383,13 @@ def test_a_clock_that_is_off_is_found_to_be(examine, router, party, ahead_s, lev
     assert abs(estimate_s - ahead_s) <= float(words[words.index("within") + 1])
 
 
-def test_parties_of_another_version_and_of_none_are_told_apart(examine, router, party):
+def test_parties_of_another_version_and_of_none_are_told_apart(examine, router, node):
     old = {"v": 2, "party": "r1", "versions": {}, "received_us": 0, "sent_us": 0}
-    party("world")
-    party("r1", reply=lambda: msgpack.packb(old))
-    party("r2", reply=lambda: b"what?")
-    party("r3", answers=False)
-    talker = party("r4", answers=False)
+    node("world")
+    node("r1", reply=lambda: msgpack.packb(old))
+    node("r2", reply=lambda: b"what?")
+    node("r3", answers=False)
+    talker = node("r4", answers=False)
     stop = threading.Event()
 
     def talk():
@@ -416,7 +416,7 @@ def test_parties_of_another_version_and_of_none_are_told_apart(examine, router, 
 
 def test_a_router_of_other_make_is_only_noted(examine):
     endpoint = free_endpoint()
-    with open_session(Access(listen=(endpoint,), mode="router")):
+    with open_session(Endpoints(listen=(endpoint,), mode="router")):
         found = examine("--connect", endpoint)
     assert found.status == 0
 
@@ -428,8 +428,8 @@ def test_what_answers_but_is_no_zenoh_is_said(examine):
     assert "cannot connect" in found.said("session", "wrong")
 
 
-def test_asking_comes_to_an_end(examine, router, party, monkeypatch):
-    party("world")
+def test_asking_comes_to_an_end(examine, router, node, monkeypatch):
+    node("world")
     settled(examine, router, "--run", "t")
     monkeypatch.setattr(doctor, "ASKING_S_MAX", 0.0)
     found = examine("--connect", router, "--run", "t")
@@ -446,14 +446,14 @@ def lab(tmp_path_factory):
 
 def test_certificates_let_it_ask_who_they_are(examine, lab, tmp_path):
     endpoint = free("tls")
-    gate = Access(listen=(endpoint,), mode="router", identity=lab.identity("router"))
-    world = Access(connect=(endpoint,), identity=lab.identity("world"))
+    gate = Endpoints(listen=(endpoint,), mode="router", identity=lab.identity("router"))
+    world = Endpoints(connect=(endpoint,), identity=lab.identity("world"))
     with open_session(gate) as session:
-        kept = answer(session, ROUTER_KEY, replier("router", now_us))
-        link = ZenohLink(world, robot_key("t", "*", "*"))
+        kept = serve_queries(session, ROUTER_KEY, info_replier("router", now_us))
+        link = ZenohConnection(world, robot_key("t", "*", "*"))
         try:
-            link.tell_about(world_key("t", "about"), "world")
-            link.announce(world_key("t", "alive"))
+            link.answer_info_queries(world_key("t", "about"), "world")
+            link.declare_alive(world_key("t", "alive"))
             secured = ("--connect", endpoint, "--certificates", str(lab.directory), "--run", "t")
             found = examined(examine, *secured)
             assert found.said("run", "ok") == "run t: world"

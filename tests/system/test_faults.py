@@ -53,7 +53,7 @@ def test_robots_killed_started_anew_frozen_and_thawed_are_lost_and_counted_in_ag
     hunt.wait_for_ticks()
     assert hunt.world.terminate() == 1
     assert "stopped by SIGTERM" in hunt.world.said
-    assert [party.end() for party in hunt.robots.values()] == [1] * 4
+    assert [node.end() for node in hunt.robots.values()] == [1] * 4
 
     departures = hunt.world.result()["departures"]
     for tick, robot, what in departures:
@@ -91,11 +91,11 @@ def test_robots_wait_for_a_world_that_is_resumed_and_finish_its_run(finite_hunt)
     hunt.start_all("--world-timeout", f"{LONGEST_S}")
     hunt.world.wait_until(lambda _world: recorded_bytes(hunt.out) > ENOUGH_BYTES)
     hunt.world.kill()
-    for party in hunt.robots.values():
-        party.wait_until(lambda robot: f"waiting up to {LONGEST_S:g} s for it" in robot.said)
+    for node in hunt.robots.values():
+        node.wait_until(lambda robot: f"waiting up to {LONGEST_S:g} s for it" in robot.said)
     again = hunt.start("world", "--resume", str(hunt.out), "--listen", hunt.endpoint)
     assert again.end() == 0, again.said
-    assert [party.end() for party in hunt.robots.values()] == [0] * 4
+    assert [node.end() for node in hunt.robots.values()] == [0] * 4
     unbroken = encircle.run(hunt.scenario, link="memory")
     assert again.result()["digest"] == unbroken.digest
     assert again.result()["departures"] == []
@@ -112,10 +112,10 @@ def test_robots_whose_world_does_not_come_back_end_with_one_line(hunt):
     hunt.start_all("--world-timeout", "0.5")
     hunt.wait_for_ticks()
     hunt.world.kill()
-    for name, party in hunt.robots.items():
-        assert party.end() == 1
+    for name, node in hunt.robots.items():
+        assert node.end() == 1
         # Between them a line a second says where it is, and on a busy machine it says more.
-        *before, standing, ended = party.said.splitlines()
+        *before, standing, ended = node.said.splitlines()
         assert f"robot {name}: waiting for the world of run faulty at {hunt.endpoint}" in before
         assert f"robot {name}: joined run faulty, one of {len(ROBOTS)} robots" in before
         assert standing.startswith(f"robot {name}: the world of run faulty at {hunt.endpoint} is")
@@ -132,7 +132,7 @@ def test_a_router_that_is_killed_and_started_anew_changes_nothing(finite_hunt):
     hunt.wait_for_ticks()
     router.kill()
     hunt.start_router()
-    assert [party.end() for party in (hunt.world, *hunt.robots.values())] == [0] * 5
+    assert [node.end() for node in (hunt.world, *hunt.robots.values())] == [0] * 5
     assert hunt.world.result()["departures"] == []
     assert hunt.world.result()["digest"] == encircle.run(hunt.scenario, link="memory").digest
 
@@ -167,8 +167,8 @@ def test_a_robot_that_speaks_another_version_says_which_and_the_run_goes_on_with
     silent = hunt.lose_the_silent()
     hunt.start_world()
     for robot in ROBOTS[1:]:
-        party = hunt.start_robot(robot)
-        party.wait_until(lambda robot: "waiting for the world" in robot.said)
+        node = hunt.start_robot(robot)
+        node.wait_until(lambda robot: "waiting for the world" in robot.said)
     # It is there from before the first tick until it is lost and was asked for its version.
     join_s = 10.0 * float(hunt.limits[-1])
     waits = ("--world-timeout", "0.5") if world_goes else ("--join-timeout", f"{join_s}")
@@ -189,15 +189,15 @@ def test_a_robot_that_speaks_another_version_says_which_and_the_run_goes_on_with
 
 DEAF = """
 import sys
-from encircle.protocol.zenoh.connection import ZenohLink
-heard, receive = [], ZenohLink.receive
+from encircle.protocol.zenoh.connection import ZenohConnection
+heard, receive = [], ZenohConnection.receive
 def receive_some(link):
     while True:
         key, payload = receive(link)
         heard.append(key.rsplit("/")[-1])
         if heard[-1] != "observation" or heard.count("setup") > 1 or len(heard) < 20:
             return key, payload
-ZenohLink.receive = receive_some
+ZenohConnection.receive = receive_some
 from encircle.agents.__main__ import main
 sys.exit(main(sys.argv[1:]))
 """
@@ -215,7 +215,7 @@ def test_a_robot_that_missed_what_it_was_asked_is_asked_anew_and_back(hunt, cloc
     hunt.wait_for(lambda seen: seen == [lost, ("r2", "back")])
     hunt.wait_for_ticks()
     assert hunt.world.terminate() == 1
-    assert [party.end() for party in hunt.robots.values()] == [1] * 4
+    assert [node.end() for node in hunt.robots.values()] == [1] * 4
     assert len(hunt.departures) == 2
     assert replay(hunt.out).same
 
@@ -224,11 +224,9 @@ class Command:
     """``encircle run`` of a long hunt, with the ids of the processes that it starts."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
-        self.party = Party(
-            [sys.executable, "-m", "encircle", "run", *arguments], folder / "cli", {}
-        )
-        self.party.wait_until(lambda cli: "processes: " in cli.said)
-        line = next(x for x in self.party.said.splitlines() if x.startswith("processes: "))
+        self.node = Party([sys.executable, "-m", "encircle", "run", *arguments], folder / "cli", {})
+        self.node.wait_until(lambda cli: "processes: " in cli.said)
+        line = next(x for x in self.node.said.splitlines() if x.startswith("processes: "))
         named = line.removeprefix("processes: ").split(", ")
         self.pids = {name: int(pid) for name, pid in (pair.split() for pair in named)}
 
@@ -238,17 +236,17 @@ def test_a_run_whose_world_was_killed_is_resumed_from_the_command_line(tmp_path)
     scenario.write_text(json.dumps(LONG))
     unbroken = encircle.run(scenario, link="memory")
     first = Command(tmp_path, str(scenario), "--out", str(out))
-    first.party.wait_until(lambda _cli: recorded_bytes(out) > ENOUGH_BYTES)
+    first.node.wait_until(lambda _cli: recorded_bytes(out) > ENOUGH_BYTES)
     os.kill(first.pids["world"], signal.SIGKILL)
-    assert first.party.end() == 1
-    last = first.party.said.splitlines()[-1]
+    assert first.node.end() == 1
+    last = first.node.said.splitlines()[-1]
     assert last.startswith("encircle: the run failed: the world was killed by SIGKILL at tick ")
     assert last.endswith(f"; to go on: encircle run --resume {out}")
 
     broken = recorded_bytes(out)
     second = Command(tmp_path, "--resume", str(out), "--json")
-    assert second.party.end() == 0, second.party.said
-    assert second.party.printed()["digest"] == unbroken.digest
+    assert second.node.end() == 0, second.node.said
+    assert second.node.printed()["digest"] == unbroken.digest
     assert replay(out).same
     assert read_recording(out).complete
 
@@ -263,23 +261,23 @@ def test_a_robot_killed_in_a_run_from_the_command_line_is_told_of_and_shown(tmp_
     scenario, out = tmp_path / "long.json", tmp_path / "run"
     scenario.write_text(json.dumps(LONG))
     command = Command(tmp_path, str(scenario), "--out", str(out), "--json")
-    command.party.wait_until(lambda _cli: recorded_bytes(out) > ENOUGH_BYTES)
+    command.node.wait_until(lambda _cli: recorded_bytes(out) > ENOUGH_BYTES)
     os.kill(command.pids["r2"], signal.SIGKILL)
-    assert command.party.end() == 0
-    [[tick, robot, what]] = command.party.printed()["departures"]
+    assert command.node.end() == 0
+    [[tick, robot, what]] = command.node.printed()["departures"]
     assert (robot, what) == ("r2", "lost: it is gone")
-    assert f"tick {tick}: robot r2 is lost: it is gone" in command.party.said.splitlines()
-    assert "robot r2 was killed by SIGKILL" in command.party.said.splitlines()
+    assert f"tick {tick}: robot r2 is lost: it is gone" in command.node.said.splitlines()
+    assert "robot r2 was killed by SIGKILL" in command.node.said.splitlines()
 
 
 def test_a_run_that_shall_end_when_a_robot_is_lost_does(tmp_path):
     scenario, out = tmp_path / "long.json", tmp_path / "run"
     scenario.write_text(json.dumps(ENDLESS))
     command = Command(tmp_path, str(scenario), "--out", str(out), "--when-lost", "end")
-    command.party.wait_until(lambda _cli: recorded_bytes(out) > ENOUGH_BYTES)
+    command.node.wait_until(lambda _cli: recorded_bytes(out) > ENOUGH_BYTES)
     os.kill(command.pids["r3"], signal.SIGKILL)
-    assert command.party.end() == 1
-    assert "robot r3 is gone at tick" in command.party.said.splitlines()[-1]
+    assert command.node.end() == 1
+    assert "robot r3 is gone at tick" in command.node.said.splitlines()[-1]
 
 
 @pytest.mark.parametrize("link", ["zenoh", "memory"])

@@ -32,8 +32,8 @@ from encircle.protocol.codec import BYTES_MAX, encode
 from encircle.protocol.keys import ROBOT_CHANNELS, WORLD_CHANNELS, robot_key, world_key
 from encircle.protocol.messages import Command, Observation, Pose, Setup
 from encircle.protocol.zenoh.access_control import identity_in
-from encircle.protocol.zenoh.connection import ZenohLink
-from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.connection import ZenohConnection
+from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.runner.launch import free_endpoint
 from encircle.world.__main__ import TAKEN_BYTES_MAX
 from encircle.world.recording.recording import read_recording
@@ -174,8 +174,8 @@ def flood(hunt, identity=None):
     ``identity``: whose certificate to show.
     """
     draws = random.Random(20)
-    access = Access(connect=(hunt.endpoint,), identity=identity)
-    link = ZenohLink(access, robot_key(RUN, "nobody", "*"))
+    access = Endpoints(connect=(hunt.endpoint,), identity=identity)
+    link = ZenohConnection(access, robot_key(RUN, "nobody", "*"))
     sent, keys = 0, Counter()
     try:
         for key in itertools.cycle(KEYS):

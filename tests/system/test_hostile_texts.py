@@ -37,8 +37,8 @@ from encircle.protocol.messages import End, Setup
 from encircle.protocol.plugins import TARGET, TARGETS, PluginFailed
 from encircle.protocol.process.log import bounded_log, printable, say, say_error
 from encircle.protocol.programs import alive
-from encircle.protocol.zenoh.connection import answer, open_session
-from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.connection import open_session, serve_queries
+from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.runner.launch import free_endpoint
 from encircle.studies.report import page
 from encircle.world.loading.load import load
@@ -142,7 +142,7 @@ def test_robots_and_world_as_processes_show_what_strangers_sent_as_it_is(hunt):
         hunt.start_robot(robot)
     hunt.wait_for_ticks()
     with ExitStack() as stack:
-        stranger = stack.enter_context(open_session(Access(connect=(hunt.endpoint,))))
+        stranger = stack.enter_context(open_session(Endpoints(connect=(hunt.endpoint,))))
         stranger.put(robot_key(RUN, PIECE, "pose"), b"")
         stranger.put(robot_key(RUN, "r1", f"pose{PIECE}"), b"")
         token = stranger.liveliness().declare_token(robot_key(RUN, f"r{PIECE}", "alive"))
@@ -151,8 +151,8 @@ def test_robots_and_world_as_processes_show_what_strangers_sent_as_it_is(hunt):
         end = encode(End("r2", 1, f"failed: {EVIL}"), RUN)
         stranger.put(robot_key(RUN, "r2", "end"), end)
         assert hunt.robots["r2"].end() == 1
-    for party in (hunt.world, *hunt.robots.values()):
-        assert_clean(party.said)
+    for node in (hunt.world, *hunt.robots.values()):
+        assert_clean(node.said)
     last = hunt.robots["r2"].said.splitlines()[-1]
     assert last == f"robot r2: run {RUN} ended: failed: {printable(EVIL)}"
 
@@ -160,14 +160,14 @@ def test_robots_and_world_as_processes_show_what_strangers_sent_as_it_is(hunt):
 def test_the_doctor_and_alive_show_who_calls_itself_what_as_it_is(capsys):
     endpoint = free_endpoint()
     with ExitStack() as stack:
-        stranger = stack.enter_context(open_session(Access(listen=(endpoint,))))
+        stranger = stack.enter_context(open_session(Endpoints(listen=(endpoint,))))
         about = {"v": 99, "party": EVIL, "versions": {EVIL: EVIL}, "received_us": 1, "sent_us": 1}
         keys = [world_key(RUN, "alive"), robot_key(RUN, "r1", "alive")]
         keys += [world_key(PIECE, "alive"), robot_key(RUN, PIECE, "alive")]
         for key in keys:
             stack.callback(stranger.liveliness().declare_token(key).undeclare)
         for key in (world_key(RUN, "about"), robot_key(RUN, "*", "about")):
-            stack.callback(answer(stranger, key, lambda: msgpack.packb(about)).undeclare)
+            stack.callback(serve_queries(stranger, key, lambda: msgpack.packb(about)).undeclare)
         where = ["--connect", endpoint, "--check-timeout", f"{LONGEST_S}"]
         doctor.main([*where, "--run", RUN])
         doctor.main(where)

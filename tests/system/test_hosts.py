@@ -54,7 +54,7 @@ def everything(hosts: Hosts, scenario: str, *options: str) -> tuple[Party, Party
 
 def test_a_hunt_through_a_router_is_the_one_in_memory(hosts, tmp_path):
     router, world, robots = everything(hosts, "sim1", "--out", str(tmp_path / "run"))
-    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert [node.end() for node in (world, *robots)] == [0] * 5, world.said
     assert world.result()["digest"] == encircle.run("sim1", link="memory").digest
     assert replay(tmp_path / "run").same
     assert router.terminate() == 0
@@ -63,7 +63,7 @@ def test_a_hunt_through_a_router_is_the_one_in_memory(hosts, tmp_path):
 
 def test_a_hunt_over_a_full_mesh_is_the_one_in_memory(hosts):
     """Everybody listens and knows everybody: no host is in the middle."""
-    parties = []
+    nodes = []
     for name in ("world", *ROBOTS):
         others = [other for other in ("world", *ROBOTS) if other != name]
         settings = {
@@ -73,9 +73,9 @@ def test_a_hunt_over_a_full_mesh_is_the_one_in_memory(hosts):
             "ENCIRCLE_WITHOUT_AUTHENTICATION": "yes",
         }
         command = ("world", "sim1") if name == "world" else ("agents", name)
-        parties.append(hosts.start(name, *command, settings=settings))
-    assert [party.end() for party in parties] == [0] * 5, parties[0].said
-    assert parties[0].result()["digest"] == encircle.run("sim1", link="memory").digest
+        nodes.append(hosts.start(name, *command, settings=settings))
+    assert [node.end() for node in nodes] == [0] * 5, nodes[0].said
+    assert nodes[0].result()["digest"] == encircle.run("sim1", link="memory").digest
 
 
 def test_endpoints_may_come_from_zenoh_configuration_files(hosts, tmp_path):
@@ -88,7 +88,7 @@ def test_endpoints_may_come_from_zenoh_configuration_files(hosts, tmp_path):
     filed = ("--zenoh-config", str(connecting), "--run", "filed")
     world = hosts.start("world", "world", "sim5", *filed)
     robots = [hosts.start(robot, "agents", robot, *filed) for robot in ROBOTS]
-    assert [party.end() for party in (world, *robots, router)] == [0] * 6, world.said
+    assert [node.end() for node in (world, *robots, router)] == [0] * 6, world.said
     assert world.result()["digest"] == encircle.run("sim5", link="memory").digest
 
 
@@ -105,7 +105,7 @@ def test_a_host_that_was_cut_off_for_two_seconds_changes_nothing(hosts, long_hun
     world.wait_for_tick(UNDER_WAY_TICK)
     with hosts.cut_off(victim):
         time.sleep(2.0)
-    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert [node.end() for node in (world, *robots)] == [0] * 5, world.said
     assert world.result()["ticks"] == LONG["ticks_max"]
     assert world.result()["digest"] == encircle.run(long_hunt, link="memory").digest
 
@@ -199,7 +199,7 @@ def test_the_doctor_says_what_a_host_can_reach(hosts, long_hunt):
     assert [level for level, said in found["clock"] if "this one" in said] == ["ok"] * 6
     with hosts.cut_off("r2"):
         assert findings(1)["endpoints"][0][0] == "wrong"
-    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert [node.end() for node in (world, *robots)] == [0] * 5, world.said
 
 
 def test_a_router_that_is_restarted_changes_nothing(hosts, long_hunt):
@@ -210,7 +210,7 @@ def test_a_router_that_is_restarted_changes_nothing(hosts, long_hunt):
     endpoint = hosts.endpoint("hub")
     again = ("--listen", endpoint, "--without-authentication", "--for-run", "far")
     router = hosts.start("hub", "encircle.protocol.programs.router", *again)
-    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert [node.end() for node in (world, *robots)] == [0] * 5, world.said
     assert router.end() == 0
     assert world.result()["ticks"] == LONG["ticks_max"]
     assert world.result()["digest"] == encircle.run(long_hunt, link="memory").digest

@@ -21,7 +21,7 @@ from helpers_interrupts import Group
 from helpers_waiting import completed, until
 
 import encircle
-from encircle.protocol.process.interrupts import Interrupted, check, held, told_to
+from encircle.protocol.process.interrupts import Interrupted, check, signals_held, signals_to
 from encircle.replay.replaying import replay
 from encircle.runner.launch import free_endpoint
 
@@ -160,7 +160,7 @@ def test_at_many_times_it_ends_with_a_line_and_leaves_nothing(name, seed, folder
     sweep(name, seed, folder)
 
 
-PARTIES = """
+NODE_KINDS = """
 export ENCIRCLE_RUN=shared
 {python} -m encircle.world sim1 --listen {endpoint} --out made \
     --set team.strategy=pursuit --set ticks_max=1000000 &
@@ -173,7 +173,7 @@ wait
 def test_a_script_that_starts_world_and_robots_leaves_none_of_them(number, folder):
     """The shell has those that it starts in the background ignore Ctrl-C; they must not."""
     python = sys.executable
-    script = PARTIES.format(python=python, endpoint=free_endpoint())
+    script = NODE_KINDS.format(python=python, endpoint=free_endpoint())
     group = Group(["sh", "-c", script], folder)
     try:
         until(lambda: re.search("world: tick [1-9]", group.said), "the hunt to be under way")
@@ -193,7 +193,7 @@ def test_a_script_that_starts_world_and_robots_leaves_none_of_them(number, folde
 
 def work(*steps: Callable[[], None]) -> None:
     """Do this and that while signals are held."""
-    with held():
+    with signals_held():
         for step in steps:
             step()
 
@@ -244,9 +244,9 @@ def test_an_error_does_not_hide_a_signal():
 
 def test_who_takes_signals_over_is_told_of_one_that_was_kept():
     told: list[str] = []
-    with held():
+    with signals_held():
         signal.raise_signal(signal.SIGINT)
-        with told_to(told.append):
+        with signals_to(told.append):
             assert told == ["SIGINT"]
             signal.raise_signal(signal.SIGTERM)
     assert told == ["SIGINT", "SIGTERM"]
@@ -265,12 +265,12 @@ def test_a_process_that_leaves_a_thread_at_work_ends_with_its_status_and_all_tha
     """Python's own way out would have the thread come back into what is being taken down."""
     program = """
 import atexit, sys
-from encircle.protocol.process.interrupts import leave, leave_threads_at_work
+from encircle.protocol.process.interrupts import exit_process, expect_library_threads
 atexit.register(print, "taken down")
 print("the last word", end="")
 if sys.argv[1] == "at work":
-    leave_threads_at_work()
-leave(3)
+    expect_library_threads()
+exit_process(3)
 """
     for how, expected in (("done", "the last wordtaken down\n"), ("at work", "the last word")):
         done = completed([sys.executable, "-c", program, how])

@@ -17,8 +17,8 @@ import encircle
 from encircle.protocol.codec import encode
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.messages import Command, End, Pose, State
-from encircle.protocol.zenoh.connection import ZenohLink
-from encircle.protocol.zenoh.endpoints import Access, LinkError
+from encircle.protocol.zenoh.connection import ZenohConnection
+from encircle.protocol.zenoh.endpoints import ConnectionFailed, Endpoints
 
 TICKS = 1500
 LONG = {
@@ -34,9 +34,9 @@ LONG = {
 UNDER_WAY_TICK = 20
 COUNTING_ROUTER = """
 import json, sys
-from encircle.protocol.zenoh.refusals import counted
+from encircle.protocol.zenoh.refusals import counting_refusals
 from encircle.protocol.programs.router import main
-with counted() as found:
+with counting_refusals() as found:
     status = main(sys.argv[1:])
 messages = [[*case, number] for case, number in found.messages.items()]
 print(json.dumps({"connections": found.connections, "messages": messages}))
@@ -56,9 +56,9 @@ def started(tmp_path):
     with ExitStack() as stack:
 
         def start(name, *arguments):
-            party = Party([sys.executable, *arguments], tmp_path / name, {})
-            stack.callback(party.kill)
-            return party
+            node = Party([sys.executable, *arguments], tmp_path / name, {})
+            stack.callback(node.kill)
+            return node
 
         yield start
 
@@ -81,7 +81,7 @@ def hunt(lab, started, scenario, endpoint, world_config):
 
 def link(lab, who, endpoint, connect_s_max=LONGEST_S):
     config = lab.connecting(who, endpoint)
-    return ZenohLink(Access(config=config, connect_s_max=connect_s_max), "encircle/**")
+    return ZenohConnection(Endpoints(config=config, connect_s_max=connect_s_max), "encircle/**")
 
 
 def forgeries() -> list[tuple[str, bytes]]:
@@ -113,7 +113,7 @@ def test_intruders_are_refused_and_counted_and_change_nothing(lab, started, tmp_
 
     expired = lab.dated("r3", timedelta(days=-3), timedelta(days=-1))
     for stranger in (None, lab.foreign("r3"), expired):
-        with pytest.raises(LinkError, match="cannot connect"):
+        with pytest.raises(ConnectionFailed, match="cannot connect"):
             link(lab, stranger, endpoint, REFUSED_S_MAX)
     posing = link(lab, "r2", endpoint)
     messages = forgeries()
@@ -124,7 +124,7 @@ def test_intruders_are_refused_and_counted_and_change_nothing(lab, started, tmp_
     posing.close()
     assert "result" not in world.reports()[-1], "the hunt was over before the intruders were done"
 
-    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert [node.end() for node in (world, *robots)] == [0] * 5, world.said
     assert world.result()["digest"] == encircle.run(scenario, link="memory").digest
     assert world.result()["refused"] == {}
     assert router.terminate() == 0
@@ -142,13 +142,13 @@ def test_a_world_that_is_connected_to_directly_holds_the_rules_itself(lab, start
     endpoint = free_endpoint("tls")
     world, robots = hunt(lab, started, scenario, endpoint, lab.listening("world", endpoint, "peer"))
     world.wait_for_tick(UNDER_WAY_TICK)
-    with pytest.raises(LinkError, match="cannot connect"):
+    with pytest.raises(ConnectionFailed, match="cannot connect"):
         link(lab, None, endpoint, REFUSED_S_MAX)
     posing = link(lab, "r2", endpoint)
     for key, payload in forgeries():
         posing.session.put(key, payload)
     posing.close()
     assert "result" not in world.reports()[-1], "the hunt was over before the intruders were done"
-    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert [node.end() for node in (world, *robots)] == [0] * 5, world.said
     assert world.result()["digest"] == encircle.run(scenario, link="memory").digest
     assert world.result()["refused"] == {}

@@ -81,44 +81,44 @@ class Watched:
         scenario.write_text(json.dumps(SCENARIO))
         self._known = ["--certificates", certificates] if certificates else []
         gate = ["--listen", self.endpoint, "--zenoh-config", small, *self._known]
-        self.parties = []
+        self.nodes = []
         if through_router:
             # It ends with the run, and fails if it cannot.
-            self.parties.append(
+            self.nodes.append(
                 self.start("-m", "encircle.protocol.programs.router", *gate, "--for-run", RUN)
             )
-            self.parties[0].wait_for_listening()
+            self.nodes[0].wait_for_listening()
             gate = ["--connect", self.endpoint, *self._known]
         changed = [word for override in overrides for word in ("--set", override)]
         self.world = self.start(
             *("-m", "encircle.world", scenario, *gate, *changed),
             *("--run", RUN, "--out", folder / "run"),
         )
-        self.parties.append(self.world)
+        self.nodes.append(self.world)
 
     def start(self, *arguments):
         log = self._folder / f"{next(self._numbers)}"
-        party = Party([sys.executable, *map(str, arguments)], log, {"OPENBLAS_NUM_THREADS": "1"})
-        self._closing.callback(party.kill)
-        return party
+        node = Party([sys.executable, *map(str, arguments)], log, {"OPENBLAS_NUM_THREADS": "1"})
+        self._closing.callback(node.kill)
+        return node
 
     def watch(self, whats, pause_s=0.0):
         onlooker = self.start(ONLOOKER, self.endpoint, pause_s, self._directory, *whats)
-        onlooker.wait_until(lambda party: "looking on" in party.said)
+        onlooker.wait_until(lambda node: "looking on" in node.said)
         return onlooker
 
     def begin(self):
         where = ("--connect", self.endpoint, "--run", RUN, *self._known)
-        self.parties += [self.start("-m", "encircle.agents", robot, *where) for robot in ROBOTS]
+        self.nodes += [self.start("-m", "encircle.agents", robot, *where) for robot in ROBOTS]
 
     def end(self):
         """Wait for all to end by themselves, as long as anything goes on; the world's result."""
         until(
-            lambda: not any(party.running for party in self.parties),
+            lambda: not any(node.running for node in self.nodes),
             "the hunt's end",
-            lambda: (self.world.tick, [party.running for party in self.parties]),
+            lambda: (self.world.tick, [node.running for node in self.nodes]),
         )
-        assert [party.end() for party in self.parties] == [0] * len(self.parties), self.world.said
+        assert [node.end() for node in self.nodes] == [0] * len(self.nodes), self.world.said
         return self.world.result()
 
 

@@ -17,8 +17,8 @@ import encircle
 from encircle.protocol.codec import BYTES_MAX, encode
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import Command, End, Pose
-from encircle.protocol.zenoh.connection import ZenohLink
-from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.connection import ZenohConnection
+from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.replay.replaying import replay
 from encircle.runner.launch import RunFailed, free_endpoint
 from encircle.world.recording.recording import read_recording
@@ -240,8 +240,8 @@ def test_what_strangers_send_is_refused_counted_and_changes_nothing():
     )
     robots = []
     try:
-        access = Access(connect=(endpoint,), connect_s_max=LONGEST_S)
-        stranger = ZenohLink(access, robot_key("noisy", "nobody", "*"))
+        access = Endpoints(connect=(endpoint,), connect_s_max=LONGEST_S)
+        stranger = ZenohConnection(access, robot_key("noisy", "nobody", "*"))
         stop = threading.Event()
         flood = threading.Thread(target=send_garbage, args=(stranger, stop))
         flood.start()
@@ -283,7 +283,7 @@ def test_what_strangers_send_is_refused_counted_and_changes_nothing():
     }
 
 
-def send_garbage(link: ZenohLink, stop: threading.Event) -> None:
+def send_garbage(link: ZenohConnection, stop: threading.Event) -> None:
     """Every kind of bad message on every kind of key, a few hundred times a second at most."""
     pose = Pose("r9", 0, 0, (0.0, 0.0), (0.0, 0.0), None, "encircle", 0.0, 0)
     command = Command("r1", 999_999, (9.0, 9.0), "encircle", None, None, None, None, None, ())
@@ -333,7 +333,7 @@ def test_a_world_whose_robots_stay_away_names_them():
 
 def test_a_port_in_use_is_one_clear_line(tmp_path):
     endpoint = free_endpoint()
-    with_port = ZenohLink(Access(listen=(endpoint,)), "x/*")
+    with_port = ZenohConnection(Endpoints(listen=(endpoint,)), "x/*")
     try:
         done = completed(
             [sys.executable, "-m", "encircle.world", "sim1", "--listen", endpoint, "--run", "late"]

@@ -15,8 +15,8 @@ from helpers_waiting import ample_s, communicated, ended, joined, taken, until
 import encircle
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.process.real_time import answer
-from encircle.agents.process.robot import _Life
-from encircle.network.transport import traffic_of
+from encircle.agents.process.robot import _RobotRuns
+from encircle.network.transport import ledger_of
 from encircle.protocol import mailbox
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.connections import MemoryHub
@@ -108,7 +108,7 @@ def test_a_frozen_robot_is_held_then_stands_still_and_goes_on(tmp_path):
     ]
     assert commands[-1].refused[PASSED_OVER] >= 10
     assert commands[-1].tick > woken[0]
-    assert traffic_of(recording).stays["r2"][-1].missed == 0
+    assert ledger_of(recording).participations["r2"][-1].missed == 0
 
 
 def test_a_tick_may_be_longer_than_the_world_would_wait_for_an_answer(tmp_path):
@@ -119,7 +119,7 @@ def test_a_tick_may_be_longer_than_the_world_would_wait_for_an_answer(tmp_path):
     endpoint = free_endpoint()
     where = ("--run", "slow")
     world = [sys.executable, "-m", "encircle.world", str(scenario), "--listen", endpoint, *where]
-    parties = [
+    nodes = [
         subprocess.Popen(
             [*world, "--json", "--answer-timeout", f"{tick_s / 4.0}"],
             stdout=subprocess.PIPE,
@@ -133,12 +133,12 @@ def test_a_tick_may_be_longer_than_the_world_would_wait_for_an_answer(tmp_path):
         ),
     ]
     try:
-        said = [json.loads(line) for line in communicated(parties[0])[0].splitlines()]
-        assert [ended(party) for party in parties] == [0, 0, 0]
+        said = [json.loads(line) for line in communicated(nodes[0])[0].splitlines()]
+        assert [ended(node) for node in nodes] == [0, 0, 0]
     finally:
-        for party in parties:
-            party.kill()
-            party.wait()
+        for node in nodes:
+            node.kill()
+            node.wait()
     assert said[-1]["result"]["departures"] == []
     assert said[-1]["result"]["ended"] == "ticks"
     assert {"waiting": []} in said
@@ -151,14 +151,14 @@ class Robot:
 
     def __init__(self) -> None:
         hub = MemoryHub()
-        self.world = hub.link([robot_key(RUN, "r1", "")])
-        self.link = hub.link([robot_key(RUN, "r1", "")])
+        self.world = hub.connection([robot_key(RUN, "r1", "")])
+        self.connection = hub.connection([robot_key(RUN, "r1", "")])
         self.core = RobotCore("r1", RUN)
         setup = Setup("r1", ("r1", "r2"), 0.001, "xi-star", BODIES, "direct")
         self.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN))
         seen = Observation("r1", 0, (4.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
         first = robot_key(RUN, "r1", "observation"), encode(seen, RUN)
-        arguments = (self.core, self.link, first)
+        arguments = (self.core, self.connection, first)
         self.thread = threading.Thread(target=answer, args=arguments, daemon=True)
         self.thread.start()
 
@@ -196,9 +196,9 @@ def test_the_end_is_heard_even_where_there_is_no_room(monkeypatch):
 
 def test_garbage_before_the_first_observation_does_not_hide_that_the_world_goes_by_the_clock():
     hub = MemoryHub()
-    world, link = (hub.link([robot_key(RUN, "r1", "")]) for _ in range(2))
-    life = _Life("r1", RUN, lambda _line: None, stays=False)
-    thread = threading.Thread(target=life.answer, args=(link,), daemon=True)
+    world, connection = (hub.connection([robot_key(RUN, "r1", "")]) for _ in range(2))
+    life = _RobotRuns("r1", RUN, lambda _line: None, rejoins=False)
+    thread = threading.Thread(target=life.answer, args=(connection,), daemon=True)
     thread.start()
     seen = Observation("r1", 0, (4.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
     told = {

@@ -14,8 +14,8 @@ from helpers_waiting import LONGEST_S, ample_s, completed, ended, taken, until
 
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.programs.router import END_S_MAX, Tokens
-from encircle.protocol.zenoh.connection import ROUTER_S_MAX, ZenohLink
-from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.connection import ROUTER_S_MAX, ZenohConnection
+from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.runner.launch import free_endpoint
 
 WORLD, R1, R2 = (
@@ -75,7 +75,7 @@ def router(closing):
 
 
 def linked(router, closing, takes):
-    link = ZenohLink(Access(connect=(router.endpoint,), connect_s_max=LONGEST_S), takes)
+    link = ZenohConnection(Endpoints(connect=(router.endpoint,), connect_s_max=LONGEST_S), takes)
     closing.callback(link.close)
     return link
 
@@ -102,15 +102,15 @@ def test_a_restarted_router_is_not_noticed_by_who_watches(router, closing, monke
     world = linked(router, closing, robot_key("t", "*", "*"))
     robot = linked(router, closing, robot_key("t", "r1", "*"))
     by_world, by_robot = watched(world, robot_key("t", "*", "alive")), watched(robot, WORLD)
-    world.announce(WORLD)
-    robot.announce(R1)
+    world.declare_alive(WORLD)
+    robot.declare_alive(R1)
     assert (changes(by_world, 1), changes(by_robot, 1)) == ([(R1, True)], [(WORLD, True)])
     for number in (signal.SIGKILL, signal.SIGTERM):
         router.end(number)
         router.process.stderr.close()
         router.start()
-    robot.announce(R2)
-    world.announce(f"{WORLD}/again")
+    robot.declare_alive(R2)
+    world.declare_alive(f"{WORLD}/again")
     assert changes(by_world, 1) == [(R2, True)]
     assert by_robot.empty()
     # Messages pass as before.
@@ -129,7 +129,7 @@ def test_who_leaves_a_router_that_stays_is_told_of(router, closing):
     world = linked(router, closing, robot_key("t", "*", "*"))
     robot = linked(router, closing, robot_key("t", "r1", "*"))
     seen = watched(world, robot_key("t", "*", "alive"))
-    robot.announce(R1)
+    robot.declare_alive(R1)
     assert changes(seen, 1) == [(R1, True)]
     robot.close()
     assert changes(seen, 1) == [(R1, False)]
@@ -141,8 +141,8 @@ def test_who_does_not_come_back_after_a_restart_is_told_of(router, closing, monk
     world = linked(router, closing, robot_key("t", "*", "*"))
     robots = [linked(router, closing, robot_key("t", robot, "*")) for robot in ("r1", "r2")]
     seen = watched(world, robot_key("t", "*", "alive"))
-    robots[0].announce(R1)
-    robots[1].announce(R2)
+    robots[0].declare_alive(R1)
+    robots[1].declare_alive(R2)
     assert changes(seen, 2) == [(R1, True), (R2, True)]
     router.end(signal.SIGKILL)
     router.process.stderr.close()
@@ -159,7 +159,7 @@ def test_a_router_that_is_gone_for_too_long_takes_all_with_it(router, closing, m
     world = linked(router, closing, robot_key("t", "*", "*"))
     robot = linked(router, closing, robot_key("t", "r1", "*"))
     seen = watched(robot, WORLD)
-    world.announce(WORLD)
+    world.declare_alive(WORLD)
     assert changes(seen, 1) == [(WORLD, True)]
     router.end(signal.SIGKILL)
     assert changes(seen, 1) == [(WORLD, False)]
@@ -169,12 +169,12 @@ def test_a_router_for_one_run_ends_when_all_of_it_have_gone(closing):
     router = Router("--for-run", "t")
     closing.callback(router.close)
     other = linked(router, closing, "x/*")
-    other.announce(world_key("another", "alive"))
+    other.declare_alive(world_key("another", "alive"))
     robot = linked(router, closing, robot_key("t", "r1", "*"))
-    robot.announce(R1)
+    robot.declare_alive(R1)
     world = linked(router, closing, robot_key("t", "*", "*"))
     seen = watched(world, R1)
-    world.announce(WORLD)
+    world.declare_alive(WORLD)
     assert changes(seen, 1) == [(R1, True)]
     assert router.process.poll() is None
     world.close()
@@ -231,9 +231,9 @@ def test_a_router_needs_no_more_than_a_configuration_file(tmp_path, closing):
     closing.callback(process.kill)
     ends = []
     for name in ("a", "b"):
-        access = Access(connect=(endpoint,), connect_s_max=LONGEST_S)
-        ends.append(ZenohLink(access, f"t/{name}"))
+        access = Endpoints(connect=(endpoint,), connect_s_max=LONGEST_S)
+        ends.append(ZenohConnection(access, f"t/{name}"))
         closing.callback(ends[-1].close)
     seen = watched(ends[0], "t/alive")
-    ends[1].announce("t/alive")
+    ends[1].declare_alive("t/alive")
     assert changes(seen, 1) == [("t/alive", True)]

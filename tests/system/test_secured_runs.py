@@ -37,9 +37,9 @@ def started(tmp_path):
         def start(*arguments, **settings):
             settings = {f"ENCIRCLE_{name.upper()}": str(value) for name, value in settings.items()}
             log = tmp_path / f"{next(numbers)}"
-            party = Party(ours(*arguments), log, settings)
-            stack.callback(party.kill)
-            return party
+            node = Party(ours(*arguments), log, settings)
+            stack.callback(node.kill)
+            return node
 
         yield start
 
@@ -78,14 +78,14 @@ def test_a_hunt_through_a_router_is_the_one_in_memory(lab, started, tmp_path):
     assert known.end() == 0
     # Zenoh does not say why; that it is no certificate is the gate's to count.
     assert started(*alive, "0.3", connect=gate).end() == 1
-    parties = [started("world", "sim1", **where, certificates=only(lab, tmp_path, "world"))]
-    parties += [
+    nodes = [started("world", "sim1", **where, certificates=only(lab, tmp_path, "world"))]
+    nodes += [
         started("agents", robot, **where, certificates=only(lab, tmp_path, robot))
         for robot in ROBOTS
     ]
-    assert [party.end() for party in parties] == [0] * 5, parties[0].said
-    assert parties[0].result()["digest"] == encircle.run("sim1", link="memory").digest
-    assert parties[0].result()["refused"] == {}
+    assert [node.end() for node in nodes] == [0] * 5, nodes[0].said
+    assert nodes[0].result()["digest"] == encircle.run("sim1", link="memory").digest
+    assert nodes[0].result()["refused"] == {}
     assert router.terminate() == 0
     last = router.said.splitlines()[-1]
     assert last.startswith("router: refused: ")
@@ -103,9 +103,9 @@ def test_robots_hear_each_other_where_the_router_lets_them(lab, started, tmp_pat
     ).wait_for_listening()
     settings |= {"connect": gate, "run": RUN}
     by_clock = f"clock=wall;tick_s={ample_s() / 50.0};radio=direct;ticks_max=150"
-    parties = [started("world", "sim1", out=tmp_path / "run", set=by_clock, **settings)]
-    parties += [started("agents", robot, **settings) for robot in ROBOTS]
-    assert [party.end() for party in parties] == [0] * 5, parties[0].said
+    nodes = [started("world", "sim1", out=tmp_path / "run", set=by_clock, **settings)]
+    nodes += [started("agents", robot, **settings) for robot in ROBOTS]
+    assert [node.end() for node in nodes] == [0] * 5, nodes[0].said
     links = json.loads((tmp_path / "run" / "summary.json").read_text())["transport"]["links"]
     pairs = [link for link in links if "world" not in (link["sender"], link["receiver"])]
     assert len(pairs) == 12
@@ -118,7 +118,7 @@ def test_a_world_that_listens_is_the_gate_itself(lab, started):
     settings = {"run": RUN, "certificates": lab.directory}
     world = started("world", "sim1", "--count-refusals", listen=gate, **settings)
     robots = [started("agents", robot, connect=gate, **settings) for robot in ROBOTS]
-    assert [party.end() for party in (world, *robots)] == [0] * 5, world.said
+    assert [node.end() for node in (world, *robots)] == [0] * 5, world.said
     assert world.result()["digest"] == encircle.run("sim1", link="memory").digest
     assert world.said.splitlines()[-1].startswith("world: refused: ")
 
@@ -138,15 +138,15 @@ def test_beyond_this_machine_only_who_shows_certificates_listens_unasked(lab, st
 
 
 @pytest.mark.parametrize(
-    ("party", "name"), [(("world", "sim1"), "world"), (("agents", "r2"), "r2")], ids=["world", "r2"]
+    ("node", "name"), [(("world", "sim1"), "world"), (("agents", "r2"), "r2")], ids=["world", "r2"]
 )
-def test_what_is_wrong_with_certificates_is_said_at_the_start(lab, tmp_path, party, name):
+def test_what_is_wrong_with_certificates_is_said_at_the_start(lab, tmp_path, node, name):
     directory = only(lab, tmp_path, name)
     where = {"connect": "tls/127.0.0.1:1", "run": RUN, "certificates": directory}
-    assert "must be tls/127.0.0.1:1" in failed(*party, **where | {"connect": "tcp/127.0.0.1:1"})
+    assert "must be tls/127.0.0.1:1" in failed(*node, **where | {"connect": "tcp/127.0.0.1:1"})
     expired = lab.dated(name, timedelta(days=-3), timedelta(days=-1))
     (directory / f"{name}.pem").write_bytes(expired.certificate.read_bytes())
-    assert f"{name}.pem: certificate has expired" in failed(*party, **where)
+    assert f"{name}.pem: certificate has expired" in failed(*node, **where)
 
 
 def certificates(*arguments):

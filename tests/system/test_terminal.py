@@ -136,7 +136,7 @@ def test_progress_on_a_terminal_is_a_bar_on_one_line(clock):
 
 
 def test_a_world_tells_a_person_a_tick_a_second_and_who_is_missing(clock, capsys):
-    tell = worlds.PersonReporter(clock)
+    tell = worlds.ConsoleReporter(clock)
     for waited in (["r1", "r2"], ["r2"], []):
         tell({"expected": waited})
     for tick in range(40):
@@ -170,7 +170,7 @@ def test_a_large_team_is_told_of_in_a_short_line():
 
 def test_a_robot_says_each_change_and_a_tick_a_second(clock):
     said: list[str] = []
-    look = robots.Telling(said.append, clock).look
+    look = robots.StatusLog(said.append, clock).update
     setup = SimpleNamespace(first_tick=0, team=("r1", "r2"))
 
     def core(tick: int, setups: int, setup: SimpleNamespace | None, mode: str = "search"):
@@ -197,32 +197,32 @@ def test_parties_started_by_hand_say_what_they_do_and_json_only_where_asked(tmp_
     endpoint = free_endpoint()
     where = ("--run", "hand")
     world = Group(ours("world", "sim1", "--listen", endpoint, *where, *LONG), tmp_path)
-    parties = [world]
+    nodes = [world]
     try:
         world.wait_for_first_line()
         join = ("--connect", endpoint, *where)
-        parties += [Group(ours("agents", f"r{k}", *join), tmp_path) for k in (1, 2, 3)]
-        parties.append(Group(ours("agents", "r4", *join, "--quiet"), tmp_path))
+        nodes += [Group(ours("agents", f"r{k}", *join), tmp_path) for k in (1, 2, 3)]
+        nodes.append(Group(ours("agents", "r4", *join, "--quiet"), tmp_path))
         until(lambda: len(re.findall("world: tick [1-9]", world.said)) >= 2, "two lines of ticks")
-        until(lambda: re.search("robot r1: tick [1-9]", parties[1].said), "a robot's tick")
+        until(lambda: re.search("robot r1: tick [1-9]", nodes[1].said), "a robot's tick")
         world.signal(signal.SIGTERM)
-        statuses = [party.end() for party in parties]
+        statuses = [node.end() for node in nodes]
     finally:
-        for party in parties:
-            party.kill()
+        for node in nodes:
+            node.kill()
     assert statuses == [1] * 5
-    assert [party.printed for party in parties] == [""] * 5
+    assert [node.printed for node in nodes] == [""] * 5
     assert re.search(r"world: waiting for (r\d, )*r\d\n", world.said)
     assert re.search(r"world: tick \d+(, \d+\.\d| \d+\.\d){4} m to the target\n", world.said)
     assert world.said.endswith("world: stopped by SIGTERM\n")
-    lines = [re.sub(r"\d+, \w+$", "N, MODE", line) for line in parties[1].said.splitlines()]
+    lines = [re.sub(r"\d+, \w+$", "N, MODE", line) for line in nodes[1].said.splitlines()]
     assert [line for line, _ in itertools.groupby(lines) if "connecting" not in line] == [
         f"robot r1: waiting for the world of run hand at {endpoint}",
         "robot r1: joined run hand, one of 4 robots",
         "robot r1: tick N, MODE",
         "robot r1: run hand ended: failed: stopped by SIGTERM",
     ]
-    assert parties[4].said == "robot r4: run hand ended: failed: stopped by SIGTERM\n"
+    assert nodes[4].said == "robot r4: run hand ended: failed: stopped by SIGTERM\n"
 
 
 def test_a_world_that_is_asked_for_json_says_it_on_standard_output(tmp_path):

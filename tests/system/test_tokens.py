@@ -24,7 +24,7 @@ from helpers_waiting import LONGEST_S, taken, until
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.process import robot as shell
 from encircle.agents.process.real_time import is_timed
-from encircle.agents.process.robot import _Life, _Supervisor
+from encircle.agents.process.robot import _RobotRuns, _Supervisor
 from encircle.protocol.codec import encode
 from encircle.protocol.errors import UnknownKey
 from encircle.protocol.keys import robot_key, world_key
@@ -32,8 +32,8 @@ from encircle.protocol.messages import Observation, Setup
 from encircle.protocol.programs.router import Tokens
 from encircle.protocol.zenoh import unique_names as one_of_a_name
 from encircle.protocol.zenoh.connection import alive_keys, is_alive, open_session, subscribe_alive
-from encircle.protocol.zenoh.endpoints import Access
-from encircle.protocol.zenoh.unique_names import NameTaken, check_free
+from encircle.protocol.zenoh.endpoints import Endpoints
+from encircle.protocol.zenoh.unique_names import NameInUse, check_name_free
 
 STRANGER = STRANGER_FOLDER / "robot.py"
 RUN = "faulty"
@@ -68,7 +68,7 @@ class Net:
         mode = "router" if name == "router" else "peer" if listens else "client"
         identity = self._lab.identity(name) if self._lab else None
         ends = {"listen" if listens else "connect": (self._endpoint,)}
-        access = Access(**ends, mode=mode, identity=identity, connect_s_max=LONGEST_S)
+        access = Endpoints(**ends, mode=mode, identity=identity, connect_s_max=LONGEST_S)
         return self._closing.enter_context(open_session(access))
 
 
@@ -92,7 +92,7 @@ def watched(session, expression):
 
 
 def opened(endpoint) -> zenoh.Session:
-    return open_session(Access(connect=(endpoint,), connect_s_max=LONGEST_S))
+    return open_session(Endpoints(connect=(endpoint,), connect_s_max=LONGEST_S))
 
 
 @WAYS
@@ -105,7 +105,7 @@ def test_of_all_tokens_that_match_only_the_partys_own_is_told_of(way, closing, m
     seen = [watched(net.robot, WORLD), watched(net.world, robot_key(RUN, "*", "alive"))]
     for session, key in ((net.robot, WORLD), (net.world, R1)):
         assert not is_alive(session, key, LONGEST_S)
-        check_free(session, key, "party", s_max=0.0)
+        check_name_free(session, key, "party", s_max=0.0)
     assert alive_keys(net.world, robot_key(RUN, "*", "alive"), LONGEST_S) == set()
 
     def go_through(withdrawn) -> None:
@@ -137,8 +137,8 @@ def test_of_all_tokens_that_match_only_the_partys_own_is_told_of(way, closing, m
 
 def is_taken(session, key) -> bool:
     try:
-        check_free(session, key, "party", s_max=0.0)
-    except NameTaken:
+        check_name_free(session, key, "party", s_max=0.0)
+    except NameInUse:
         return True
     return False
 
@@ -195,7 +195,7 @@ def test_a_hunt_goes_on_as_if_the_tokens_of_strangers_were_not_there(hunt, how, 
         assert len(list(stranger.get(f"encircle/{RUN}/**", timeout=LONGEST_S))) == 5
         hunt.wait_for_ticks()
     assert hunt.departures == []
-    assert not any("gone" in party.said for party in hunt.robots.values())
+    assert not any("gone" in node.said for node in hunt.robots.values())
 
     kept = [stranger.liveliness().declare_token(key) for key in WILD]
     hunt.robots["r1"].kill()
@@ -205,7 +205,7 @@ def test_a_hunt_goes_on_as_if_the_tokens_of_strangers_were_not_there(hunt, how, 
     hunt.wait_for_ticks()
     hunt.world.kill()
     for robot in ROBOTS:
-        hunt.robots[robot].wait_until(lambda party: "is gone: standing still" in party.said)
+        hunt.robots[robot].wait_until(lambda node: "is gone: standing still" in node.said)
 
 
 def test_a_router_for_one_run_is_not_ended_by_tokens_that_are_none():
@@ -229,7 +229,7 @@ def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path
     wait_for_robots(hunt.endpoint, RUN, 2)
     for robot, script in (("r3", STRANGER), ("r4", page)):
         command = [sys.executable, str(script), robot, RUN, hunt.endpoint]
-        hunt.parties.append(Party(command, tmp_path / robot, {}))
+        hunt.nodes.append(Party(command, tmp_path / robot, {}))
     hunt.wait_for_ticks()
     for token in kept:
         token.undeclare()
@@ -237,16 +237,16 @@ def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path
     hunt.wait_for_ticks()
     assert hunt.departures == []
     hunt.world.kill()
-    assert hunt.parties[-1].end() == 1
+    assert hunt.nodes[-1].end() == 1
 
 
 class World:
     """What a robot hears of a world, without one: messages as they would come."""
 
     def __init__(self, monkeypatch) -> None:
-        monkeypatch.setattr(shell, "DOUBT_S", 0.02)
+        monkeypatch.setattr(shell, "SUSPICION_S", 0.02)
         self.said: list[str] = []
-        self.life = _Life("r1", RUN, self.said.append, stays=False)
+        self.life = _RobotRuns("r1", RUN, self.said.append, rejoins=False)
         self.supervisor = _Supervisor(
             self.life, self.said.append, "the world", (LONGEST_S, LONGEST_S)
         )
@@ -285,12 +285,12 @@ def test_a_world_without_a_token_that_is_heard_is_there_and_one_that_is_not_is_g
 def test_what_anybody_may_send_does_not_keep_a_robot_waiting_for_a_world_for_ever(monkeypatch):
     async def live() -> str:
         world = World(monkeypatch)
-        world.life.core.setup = world.life.core.role = None
+        world.life.core.setup = world.life.core.config = None
         world.supervisor._join_s_max = 0.02
-        world.supervisor.await_word()
+        world.supervisor.await_world()
         world.ask(b"garbage")
         async with asyncio.timeout(LONGEST_S):
-            return await world.supervisor.trouble
+            return await world.supervisor.failure
 
     assert "did not take this robot in" in asyncio.run(live())
 

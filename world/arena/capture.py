@@ -2,10 +2,10 @@
 
 No gap between the bearings of those within the stop distance may be pi or more. The gaps around
 the target sum to 2 pi, so one robot has a gap of 2 pi and the larger gap of two is pi at least: it
-takes three. And bodies are solid: only so many have room within the stop distance. ``most_within``
-bounds their number from above by two arguments, each true of every placement: neighbours in bearing
-are a least angle apart, and discs of one size in a larger disc obey Oler's inequality (Acta Math.
-105, 1961).
+takes three. And bodies are solid: only so many have room within the stop distance.
+``robots_within_max`` bounds their number from above by two arguments, each true of every placement:
+neighbours in bearing are a least angle apart, and discs of one size in a larger disc obey
+Oler's inequality (Acta Math. 105, 1961).
 """
 
 from math import acos, floor, pi, sqrt
@@ -38,7 +38,7 @@ def encloses(rays: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(left.any(axis=-1).all(axis=-1))
 
 
-def most_within(stop_distance_m: float, radius_m: float, target_radius_m: float) -> int:
+def robots_within_max(stop_distance_m: float, radius_m: float, target_radius_m: float) -> int:
     """No more robots than this, of ``radius_m``, are ever within the stop distance of the target.
 
     Distances are between centres, all in m; not every such number of robots has room.

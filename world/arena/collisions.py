@@ -52,12 +52,12 @@ def move(
     touched: list[tuple[int, int]] = []
     for knot in knots(apart):
         involved = sorted({i for pair in knot for i in pair})
-        place = {i: positions[i].tolist() for i in involved}
+        current = {i: positions[i].tolist() for i in involved}
         motion = {i: steps[i].tolist() if i < count else [0.0, 0.0] for i in involved}
-        touched += _resolve(place, motion, {pair: apart[pair] for pair in knot}, count)
+        touched += _resolve(current, motion, {pair: apart[pair] for pair in knot}, count)
         for i in involved:
             if i < count:
-                moved[i] = place[i]
+                moved[i] = current[i]
     return moved, sorted(touched)
 
 
@@ -95,7 +95,7 @@ def kept_apart(
 
 
 def _resolve(
-    place: dict[int, list[float]],
+    current: dict[int, list[float]],
     motion: dict[int, list[float]],
     apart: dict[tuple[int, int], float],
     moving: int,
@@ -109,19 +109,19 @@ def _resolve(
     for turn in range(sliding + len(motion)):
         first, when = None, left
         for pair, distance in apart.items():
-            time = _contact_time(place, motion, pair, distance)
+            time = _contact_time(current, motion, pair, distance)
             if time < when:
                 first, when = pair, time
         for i, (vx, vy) in motion.items():
-            place[i][0] += when * vx
-            place[i][1] += when * vy
+            current[i][0] += when * vx
+            current[i][1] += when * vy
         left -= when
         if first is None:
             break
         touched.add(first)
         if turn < sliding:
             _stop_pressing(
-                place, motion, wanted, first, _missing(place, first, apart[first]), moving
+                current, motion, wanted, first, _missing(current, first, apart[first]), moving
             )
         else:
             for i in first:
@@ -130,17 +130,17 @@ def _resolve(
 
 
 def _contact_time(
-    place: dict[int, list[float]],
+    current: dict[int, list[float]],
     motion: dict[int, list[float]],
     pair: tuple[int, int],
     distance: float,
 ) -> float:
     """When the two come within ``distance`` while approaching, in ticks; infinite if never."""
-    (ax, ay), (bx, by) = place[pair[0]], place[pair[1]]
+    (ax, ay), (bx, by) = current[pair[0]], current[pair[1]]
     (au, av), (bu, bv) = motion[pair[0]], motion[pair[1]]
     x, y, u, v = bx - ax, by - ay, bu - au, bv - av
     inward = x * u + y * v
-    missing = _missing(place, pair, distance)
+    missing = _missing(current, pair, distance)
     if missing > 0.0:
         return 0.0 if inward < missing * distance / 2.0 else float("inf")
     if inward >= -PRESSING_M_MIN * distance:
@@ -155,15 +155,15 @@ def _contact_time(
     return excess / (sqrt(root) - inward)
 
 
-def _missing(place: dict[int, list[float]], pair: tuple[int, int], distance: float) -> float:
+def _missing(current: dict[int, list[float]], pair: tuple[int, int], distance: float) -> float:
     """By how much two bodies are closer than ``distance``; 0 while half of the skin is left."""
-    (ax, ay), (bx, by) = place[pair[0]], place[pair[1]]
+    (ax, ay), (bx, by) = current[pair[0]], current[pair[1]]
     missing = distance - hypot(bx - ax, by - ay)
     return missing if missing > SKIN_M / 2.0 else 0.0
 
 
 def _stop_pressing(
-    place: dict[int, list[float]],
+    current: dict[int, list[float]],
     motion: dict[int, list[float]],
     wanted: dict[int, tuple[float, ...]],
     pair: tuple[int, int],
@@ -171,7 +171,7 @@ def _stop_pressing(
     moving: int,
 ) -> None:
     """Take from both the motion with which they press into each other; restore the skin."""
-    (ax, ay), (bx, by) = place[pair[0]], place[pair[1]]
+    (ax, ay), (bx, by) = current[pair[0]], current[pair[1]]
     distance = hypot(bx - ax, by - ay)
     nx, ny = (bx - ax) / distance, (by - ay) / distance
     a, b = motion[pair[0]], motion[pair[1]]

@@ -53,7 +53,7 @@ class ArenaState(NamedTuple):
     positions: Floats
     headings: Floats
     memory: Any
-    air: radio.ChannelState
+    channel_state: radio.ChannelState
     packets: dict[int, tuple[bytes | None, ...]]
     geometry: sensing.Geometry
     visible: NDArray[np.bool_]
@@ -90,8 +90,8 @@ def initial(arena: Arena) -> ArenaState:
     positions = quantised(np.array([*starts, scenario.target.position, *fixed]))
     headings = np.zeros(len(arena.ids) + 1)
     headings[-1] = scenario.target.heading_rad
-    air, still = radio.initial(arena.channel), np.zeros((len(arena.ids), 2))
-    return _sensed(arena, 0, positions, headings, None, air, {}, (), None, still)
+    channel_state, still = radio.initial(arena.channel), np.zeros((len(arena.ids), 2))
+    return _sensed(arena, 0, positions, headings, None, channel_state, {}, (), None, still)
 
 
 def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[Observation]:
@@ -102,7 +102,7 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
     count = len(arena.ids)
     tick = state.tick
     inboxes: list[list[bytes]] = [[] for _ in arena.ids]
-    for sent_tick, links in radio.deliver(state.air, tick)[1]:
+    for sent_tick, links in radio.deliver(state.channel_state, tick)[1]:
         packets = state.packets[sent_tick]
         for inbox, arrives in zip(inboxes, links.T.tolist(), strict=True):
             inbox += compress(packets, arrives)  # type: ignore[arg-type]  # None never flies
@@ -144,9 +144,9 @@ def advance(
     that nobody commands, whose steps do not matter and whose packets must be None.
     """
     tick, count = state.tick, len(arena.ids)
-    air, _ = radio.deliver(state.air, tick)
+    channel_state, _ = radio.deliver(state.channel_state, tick)
     sending = _sending(arena, state, packets, name_bytes, lost)
-    air, fates = radio.transmit(arena.channel, air, sending)
+    channel_state, fates = radio.transmit(arena.channel, channel_state, sending)
     memory, target_step = _target_step(arena, state)
     away = None
     if lost is not None:
@@ -165,7 +165,7 @@ def advance(
             positions[count] = placement.nearest_free(positions, arena.radii, count, event.position)
     kept = {
         sent: state.packets[sent]
-        for flights in air.flights.values()
+        for flights in channel_state.flights.values()
         for sent, _ in flights
         if sent != tick
     }
@@ -174,7 +174,7 @@ def advance(
     if lost is not None:
         last_steps = np.where(lost[:, None], state.last_steps, last_steps)
     after = _sensed(
-        *(arena, tick + 1, positions, headings, memory, air, kept, tuple(contacts)),
+        *(arena, tick + 1, positions, headings, memory, channel_state, kept, tuple(contacts)),
         *(away, last_steps),
     )
     return after, fates
@@ -221,7 +221,7 @@ def _sensed(
     positions: Floats,
     headings: Floats,
     memory: Any,
-    air: radio.ChannelState,
+    channel_state: radio.ChannelState,
     packets: dict[int, tuple[bytes | None, ...]],
     contacts: tuple[tuple[int, int], ...],
     away: NDArray[np.int64] | None,
@@ -241,7 +241,7 @@ def _sensed(
         positions,
         headings,
         memory,
-        air,
+        channel_state,
         packets,
         geometry,
         sensing.in_sight(geometry, arena.ranges, arena.radii),

@@ -55,8 +55,8 @@ def nearest_free(positions: Floats, radii: Floats, body: int, wanted: Point) -> 
         away = others - tried[:, None]
         free = ((away * away).sum(axis=2) > apart**2).all(axis=1)
         if free.any():
-            place: Floats = tried[free.argmax()]
-            return place
+            chosen: Floats = tried[free.argmax()]
+            return chosen
     staying: Floats = positions[body]
     return staying
 

@@ -135,15 +135,15 @@ def build(
 
 def seconds(delays: Delays, tick: int) -> Floats:
     """(N, N) how long each link's packet of a tick takes, in s; read-only."""
-    block, place = _place(delays, tick)
-    taken: Floats = _block(delays, block)[0][place]
+    block, row = _block_and_row(delays, tick)
+    taken: Floats = _block(delays, block)[0][row]
     return taken
 
 
 def ticks(delays: Delays, tick: int) -> Ints:
     """(N, N) the same in whole ticks until delivery; read-only."""
-    block, place = _place(delays, tick)
-    taken: Ints = _block(delays, block)[1][place]
+    block, row = _block_and_row(delays, tick)
+    taken: Ints = _block(delays, block)[1][row]
     return taken
 
 
@@ -157,7 +157,7 @@ def whole_ticks(delay_s: Floats, tick_s: float, waited_ticks: Floats | float = 0
     return np.minimum(np.maximum(taken, 1.0), TICKS_MAX).astype(np.int64)
 
 
-def _place(delays: Delays, tick: int) -> tuple[int, int]:
+def _block_and_row(delays: Delays, tick: int) -> tuple[int, int]:
     """In which block a tick's delays are, and where in it."""
     steady = not delays.laws and delays.sample is None and delays.rows is None
     return (0, 0) if steady else divmod(tick, block_ticks(delays.robots))

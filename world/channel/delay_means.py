@@ -29,21 +29,21 @@ TERM_MIN = 1e-15
 """Where the sum over ticks ends: there, or where its terms are below this."""
 
 
-class Asked(NamedTuple):
+class RequestedDelay(NamedTuple):
     """What a scenario asks of its radio: the models' names, and the mean delay over its links."""
 
     model: str
     s_mean: float
 
 
-def asked(channel: ChannelModel, ids: Sequence[str]) -> Asked:
+def requested_delay(channel: ChannelModel, ids: Sequence[str]) -> RequestedDelay:
     """The delay that a channel asks for; of links with delays of their own the mean over links."""
     pieces = list(_by_link(channel, ids)) or [(1, channel.delay)]
     names = dict.fromkeys(delay.model for _, delay in pieces)
     counts, means_s = zip(*((links, mean_s(delay)) for links, delay in pieces), strict=True)
     # About the first, so that the mean of equal ones is their value to the last bit.
     apart_s = np.average(np.array(means_s) - means_s[0], weights=counts)
-    return Asked(" and ".join(names), float(means_s[0] + apart_s))
+    return RequestedDelay(" and ".join(names), float(means_s[0] + apart_s))
 
 
 def mean_s(delay: Delay) -> float:

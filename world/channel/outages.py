@@ -56,8 +56,8 @@ def at(outages: Outages, tick: int) -> Cut | None:
 
 
 @lru_cache(maxsize=64)
-def _between_changes(outages: Outages, place: int) -> Cut | None:
-    tick = outages.changes[place - 1] if place else -1
+def _between_changes(outages: Outages, index: int) -> Cut | None:
+    tick = outages.changes[index - 1] if index else -1
     active = [cut for cut in outages.cuts if cut[0] <= tick < cut[1]]
     if not active:
         return None

@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 from encircle.protocol.messages import Point
 
-STILL: Point = (0.0, 0.0)
+ZERO_STEP: Point = (0.0, 0.0)
 COARSE_US = 100_000
 
 
-def next_slot(slot: int, elapsed_s: float, tick_s: float) -> int:
+def next_deadline(slot: int, elapsed_s: float, tick_s: float) -> int:
     """The first deadline's number after ``slot`` that is later than ``elapsed_s`` since start."""
     due = floor(elapsed_s / tick_s) + 1
     # The quotient may be rounded up to a deadline that is still to come.
@@ -28,21 +28,21 @@ def next_slot(slot: int, elapsed_s: float, tick_s: float) -> int:
     return max(slot + 1, due)
 
 
-class Held(NamedTuple):
+class HeldCommand(NamedTuple):
     """A robot's newest command: its tick and its step in m."""
 
     tick: int
     step: Point
 
 
-def step_at(held: Held | None, tick: int, hold_ticks_max: int) -> Point | None:
+def step_at(held_command: HeldCommand | None, tick: int, hold_ticks_max: int) -> Point | None:
     """The step that is made at a tick, None if the robot has nothing to go by and stands still."""
-    if held is None or tick - held.tick > hold_ticks_max:
+    if held_command is None or tick - held_command.tick > hold_ticks_max:
         return None
-    return held.step
+    return held_command.step
 
 
-class Punctuality:
+class DeadlineStatistics:
     """How well a world has kept its deadlines: how late it woke, how often it was not done in time.
 
     Ticks are counted by how many us after its deadline each began, from ``COARSE_US`` on rounded up
@@ -56,7 +56,7 @@ class Punctuality:
         self.late_us_max = 0
         self._late_us: dict[int, int] = {}
 
-    def woke(self, late_s: float) -> None:
+    def add_lateness(self, late_s: float) -> None:
         """The end of a tick has begun so long after its deadline."""
         late_us = max(0, round(late_s * 1e6))
         self.ticks += 1
@@ -64,7 +64,7 @@ class Punctuality:
         counted = late_us if late_us < COARSE_US else -(-late_us // 1000) * 1000
         self._late_us[counted] = self._late_us.get(counted, 0) + 1
 
-    def went_on(self, slots: int) -> None:
+    def add_advance(self, slots: int) -> None:
         """The next deadline is so many after the last: more than one is an overrun."""
         if slots > 1:
             self.overruns += 1

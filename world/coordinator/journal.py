@@ -12,7 +12,7 @@ import numpy as np
 
 from encircle.world.arena.engine import ArenaState
 from encircle.world.channel import channel as radio
-from encircle.world.channel.delay_means import Asked, asked
+from encircle.world.channel.delay_means import RequestedDelay, requested_delay
 from encircle.world.coordinator.result import Result
 from encircle.world.scenario.model import Scenario
 
@@ -20,11 +20,11 @@ Outgoing = list[tuple[str, bytes]]
 Record = Callable[[int, str, bytes], None]
 
 
-class Account:
+class Journal:
     """What is told of one run of a scenario in the end. ``header``: what its digest begins with."""
 
     def __init__(self, scenario: Scenario, header: str) -> None:
-        self.unsettled: list[tuple[int, list[bytes], Outgoing]] = []
+        self.pending: list[tuple[int, list[bytes], Outgoing]] = []
         self.digest = hashlib.blake2b(header.encode(), digest_size=16)
         self._scenario = scenario
         self._packets_sent = 0
@@ -36,20 +36,20 @@ class Account:
 
     def note(self, tick: int, digested: list[bytes], messages: Outgoing) -> None:
         """Note parts for the digest, and messages sent at a tick, for ``settle``."""
-        self.unsettled.append((tick, digested, messages))
+        self.pending.append((tick, digested, messages))
 
-    def settle(self, record: Record | None, shown_key: str) -> Outgoing:
+    def commit(self, record: Record | None, viewer_key: str) -> Outgoing:
         """Digest and record what was noted since the last call; returns what is on a key."""
         shown: Outgoing = []
-        for tick, digested, recorded in self.unsettled:
+        for tick, digested, recorded in self.pending:
             for part in digested:
                 self.digest.update(part)
             for key, payload in recorded:
                 if record is not None:
                     record(tick, key, payload)
-                if key == shown_key:
+                if key == viewer_key:
                     shown.append((key, payload))
-        self.unsettled.clear()
+        self.pending.clear()
         return shown
 
     def count(self, tick: int, fates: radio.Fates, contacts: int) -> None:
@@ -76,9 +76,9 @@ class Account:
     ) -> Result:
         """What came of a run of ``count`` robots, so far if it has not ended."""
         lost = {radio.CAUSES[code]: number for code, number in sorted(self._lost.items())}
-        flying = radio.in_flight(state.air)
+        flying = radio.in_flight(state.channel_state)
         # What is due at the last tick has arrived, though no robot is asked any more.
-        unread = radio.deliver(state.air, state.tick)[1]
+        unread = radio.deliver(state.channel_state, state.tick)[1]
         in_flight = flying - sum(int(flight.links.sum()) for flight in unread)
         return Result(
             state.captured,
@@ -91,8 +91,8 @@ class Account:
             self._packets_copied,
             self._packets_sent + self._packets_copied - sum(lost.values()) - in_flight,
             in_flight,
-            self._asked.model,
-            self._asked.s_mean,
+            self._requested_delay.model,
+            self._requested_delay.s_mean,
             self._delay_s_mean(),
             self._contacts,
             dict(sorted(refused.items())),
@@ -101,8 +101,8 @@ class Account:
         )
 
     @cached_property
-    def _asked(self) -> Asked:
-        return asked(self._scenario.channel, self._scenario.ids)
+    def _requested_delay(self) -> RequestedDelay:
+        return requested_delay(self._scenario.channel, self._scenario.ids)
 
     def _delay_s_mean(self) -> float | None:
         if not self._delays or self._scenario.radio == "direct":

@@ -25,7 +25,7 @@ from encircle.protocol.codec import (
     decode,
     decode_pose,
     encode,
-    packed,
+    encode_any_length,
 )
 from encircle.protocol.errors import (
     MalformedMessage,
@@ -38,7 +38,7 @@ from encircle.protocol.keys import parse_key, robot_key, world_key
 from encircle.protocol.lockstep import LockStep, Move
 from encircle.protocol.messages import (
     FAILED,
-    FAILED_FOR,
+    FAILED_PREFIX,
     REASON_MAX,
     Command,
     End,
@@ -51,7 +51,7 @@ from encircle.protocol.messages import (
 from encircle.protocol.plugins import PluginFailed
 from encircle.world.arena import engine
 from encircle.world.channel import channel as radio
-from encircle.world.coordinator.journal import Account, Outgoing, Record
+from encircle.world.coordinator.journal import Journal, Outgoing, Record
 from encircle.world.coordinator.membership import Membership
 from encircle.world.coordinator.result import Result
 from encircle.world.scenario.model import digest_header
@@ -99,16 +99,16 @@ class WorldCore:
         self.table = LockStep(arena.ids)
         self.state = engine.initial(arena)
         self.ended: str | None = None
-        self.broken: PluginFailed | None = None
+        self.plugin_failure: PluginFailed | None = None
         self.refused: Counter[str] = Counter()
         self._log = log
         self.record = record
-        self.shows = False
+        self.publishes_state = False
         self._state_key = world_key(run, "state")
         self._answers: dict[str, _Answer] = {}
-        self._account = Account(arena.scenario, digest_header(arena.scenario, arena.seed))
+        self._journal = Journal(arena.scenario, digest_header(arena.scenario, arena.seed))
         self._encoded: Outgoing = []
-        self._asked: Outgoing = []
+        self._round_messages: Outgoing = []
         self.fates: radio.Fates | None = None
         self.setups: Outgoing = []
         self.members = Membership(self.table, arena.scenario.events)
@@ -187,12 +187,15 @@ class WorldCore:
             for robot in self.table.waiting()
             for channel in ("setup", "observation")
         }
-        return [said for said in self._asked if said[0] in waiting]
+        return [message for message in self._round_messages if message[0] in waiting]
 
-    def asked_anew(self, robot: str) -> Outgoing:
+    def restart_messages(self, robot: str) -> Outgoing:
         """A setup, and what the robot was asked for in the open round: it begins anew with that."""
         key = robot_key(self.run, robot, "observation")
-        return [self._setup(robot), *[said for said in self._asked if said[0] == key]]
+        return [
+            self._setup(robot),
+            *[message for message in self._round_messages if message[0] == key],
+        ]
 
     def refuse(self, key: str, error: ProtocolError) -> None:
         """Count and log something that was refused."""
@@ -208,7 +211,7 @@ class WorldCore:
         self.setups = []
         if self.table.tick < 0:
             # Recorded here and in robot order, whatever the order in which the robots joined.
-            self._account.note(0, [], [self._setup(robot) for robot in self.arena.ids])
+            self._journal.note(0, [], [self._setup(robot) for robot in self.arena.ids])
         else:
             try:
                 self._advance()
@@ -218,13 +221,13 @@ class WorldCore:
         state = self.state
         if state.captured or state.tick >= self.arena.scenario.ticks_max:
             self.ended = "captured" if state.captured else "ticks"
-            self._keep(self._end_messages() if self.record else [])
+            self._note_state(self._end_messages() if self.record else [])
             return []
         self.setups = [self._setup(robot) for robot in self.members.open_round(state.tick)]
         observations = self._to_tell(engine.observe(self.arena, state, self.lost))
         if self.record is not None:
             self._encoded = [self._encode(o.robot, "observation", o) for o in observations]
-        self._keep([*self.setups, *self._encoded])
+        self._note_state([*self.setups, *self._encoded])
         return observations
 
     def _to_tell(self, observations: list[Observation]) -> list[Observation]:
@@ -243,22 +246,22 @@ class WorldCore:
     def fail(self, reason: str) -> Outgoing:
         """End the run as failed; returns the messages that tell the robots."""
         if self.ended is None:
-            self.ended = f"{FAILED_FOR}{reason}"
+            self.ended = f"{FAILED_PREFIX}{reason}"
         return self._end_messages()
 
     def give_up(self, error: PluginFailed) -> None:
         """End the run as failed, because a plug-in of this process has."""
-        self.broken = error
+        self.plugin_failure = error
         self.fail(str(error))
 
-    def settle(self) -> Outgoing:
+    def commit(self) -> Outgoing:
         """Digest and record what has happened since the last call; returns states for viewers."""
-        return self._account.settle(self.record, self._state_key)
+        return self._journal.commit(self.record, self._state_key)
 
     def result(self) -> Result:
         """What came of the run, so far if it has not ended."""
-        self.settle()
-        return self._account.result(
+        self.commit()
+        return self._journal.result(
             self.state, len(self.arena.ids), self.ended, self.refused, self.departures
         )
 
@@ -306,9 +309,9 @@ class WorldCore:
         must not change the digest: of what it refused nothing is taken.
         """
         if isinstance(message, Command) and message.refused:
-            payload = packed(replace(message, refused={}), self.run)
+            payload = encode_any_length(replace(message, refused={}), self.run)
         elif not begins_canonically(type(message), payload, self.run):
-            payload = packed(message, self.run)
+            payload = encode_any_length(message, self.run)
         return body_of(payload, self.run)
 
     def _encode(self, robot: str, channel: str, message: Message) -> tuple[str, bytes]:
@@ -321,18 +324,18 @@ class WorldCore:
             if self.ended is not None:
                 return self._end_messages()
         encoded = self._encoded or [self._encode(o.robot, "observation", o) for o in observations]
-        self._asked = [*self.setups, *encoded]
-        return self._asked
+        self._round_messages = [*self.setups, *encoded]
+        return self._round_messages
 
-    def _keep(self, messages: Outgoing) -> None:
+    def _note_state(self, messages: Outgoing) -> None:
         """Note the truth at a tick, and the messages sent at it, for ``settle``."""
         state = self.state
-        if self.record is not None or self.shows:
+        if self.record is not None or self.publishes_state:
             shown = encode(engine.truth(self.arena, state), self.run)
             messages = [(self._state_key, shown), *messages]
         truth = state.positions[: len(self.arena.ids) + 1].tobytes() + bytes([state.captured])
         back = [body_of(payload, self.run) for _, payload in self.setups]
-        self._account.note(state.tick, [truth, *back], messages)
+        self._journal.note(state.tick, [truth, *back], messages)
 
     def _advance(self) -> None:
         tick, ids = self.state.tick, self.arena.ids
@@ -344,7 +347,7 @@ class WorldCore:
         self.state, fates = engine.advance(
             self.arena, self.state, steps, packets, len(self.run), lost
         )
-        self._account.count(tick, fates, len(self.state.contacts))
+        self._journal.count(tick, fates, len(self.state.contacts))
         digested, messages = [fates.due.tobytes()], []
         if fates.copies is not None:
             digested.append(fates.copies.tobytes())
@@ -357,9 +360,9 @@ class WorldCore:
             digested.append(answer.digested_command)
             messages.append((robot_key(self.run, robot, "command"), answer.command))
         if self.record is not None:
-            said = encode(Radio(tick, _rows(fates.due), _rows(fates.copies)), self.run)
-            messages.append((world_key(self.run, "radio"), said))
-        self._account.note(tick, digested, messages)
+            message = encode(Radio(tick, _rows(fates.due), _rows(fates.copies)), self.run)
+            messages.append((world_key(self.run, "radio"), message))
+        self._journal.note(tick, digested, messages)
         self._answers = {}
         self.fates = fates
 

@@ -54,35 +54,35 @@ def problems_of_radio(
     channel: ChannelModel, events: Sequence[object], ids: Sequence[str]
 ) -> list[str]:
     """Contradictions in a channel and in the events that concern it; empty if there are none."""
-    found: list[str] = []
+    problems: list[str] = []
     tables: list[tuple[str, Loss | Delay | None]] = [
         ("channel.delay", channel.delay),
         ("channel.loss", channel.loss),
     ]
-    for place, link in enumerate(channel.links):
-        found += _names(f"channel.links.{place}", link.sender, link.receiver, ids)
-        tables.append((f"channel.links.{place}.delay", link.delay))
-        tables.append((f"channel.links.{place}.loss", link.loss))
+    for index, link in enumerate(channel.links):
+        problems += _names(f"channel.links.{index}", link.sender, link.receiver, ids)
+        tables.append((f"channel.links.{index}.delay", link.delay))
+        tables.append((f"channel.links.{index}.loss", link.loss))
     for key, model in tables:
         if isinstance(model, Delay):
-            found += [*_delay(key, model), *_unused(key, model, DELAY_KEYS[model.model])]
+            problems += [*_delay(key, model), *_unused(key, model, DELAY_KEYS[model.model])]
         elif isinstance(model, Loss):
-            found += [*_loss(key, model), *_unused(key, model, LOSS_KEYS[model.model])]
-    found += _traces({key: model for key, model in tables if model is not None})
+            problems += [*_loss(key, model), *_unused(key, model, LOSS_KEYS[model.model])]
+    problems += _traces({key: model for key, model in tables if model is not None})
     for name, links, loss in loss_parts(channel, ids):
-        found += _rows_missing(name, links, loss, ids)
+        problems += _rows_missing(name, links, loss, ids)
     for name, links, delay in delay_parts(channel, ids):
-        found += _rows_missing(name, links, delay, ids)
+        problems += _rows_missing(name, links, delay, ids)
     limit = channel.rate_limit
     if limit is not None and limit.packets_per_s is None and limit.bytes_per_s is None:
-        found.append("channel.rate_limit: give packets_per_s, bytes_per_s or both")
-    for place, event in enumerate(events):
-        found += _event(f"events.{place}", event, ids)
-    return found + _crashes(events)
+        problems.append("channel.rate_limit: give packets_per_s, bytes_per_s or both")
+    for index, event in enumerate(events):
+        problems += _event(f"events.{index}", event, ids)
+    return problems + _crashes(events)
 
 
 def _loss(key: str, loss: Loss) -> list[str]:
-    found = [
+    problems = [
         f"{key}.{name}: must be given for model {loss.model!r}"
         for name in NEEDED.get(loss.model, ())
         if getattr(loss, name) is None
@@ -91,32 +91,32 @@ def _loss(key: str, loss: Loss) -> list[str]:
         # Good periods last a packet at least: no more than burst in every burst + 1 are lost.
         most = loss.burst_packets / (loss.burst_packets + 1.0)
         if loss.rate > most * (1.0 + 1e-12):
-            found.append(
+            problems.append(
                 f"{key}.rate = {loss.rate}: with burst_packets = {loss.burst_packets:g} the rate"
                 f" can be at most {most:.6g}, one packet between bursts"
             )
-    return found
+    return problems
 
 
 def _delay(key: str, delay: Delay) -> list[str]:
-    found = []
+    problems = []
     mean, spread = delay.mean_s, delay.std_s
     if delay.model in ("gamma", "lognormal"):
         if not (mean > 0.0 and spread > 0.0):
-            found.append(f"{key}: {delay.model} needs mean_s and std_s above 0")
+            problems.append(f"{key}: {delay.model} needs mean_s and std_s above 0")
         elif not 1 / SPREAD_MAX <= spread / mean <= SPREAD_MAX:
-            found.append(
+            problems.append(
                 f"{key}.std_s = {spread}: must be from 1/{SPREAD_MAX:g} to"
                 f" {SPREAD_MAX:g} times mean_s = {mean}"
             )
     if delay.model == "normal" and not spread > 0.0:
-        found.append(f"{key}.std_s = {spread}: must be above 0 for model 'normal'")
+        problems.append(f"{key}.std_s = {spread}: must be above 0 for model 'normal'")
     if delay.model == "exponential" and "mean_s" not in delay.model_fields_set:
         # A mean of 0, no delay, is where a study of delays begins.
-        found.append(f"{key}.mean_s: must be given for model 'exponential'")
+        problems.append(f"{key}.mean_s: must be given for model 'exponential'")
     if delay.model == "uniform" and delay.low_s > delay.high_s:
-        found.append(f"{key}.low_s = {delay.low_s}: must be at most high_s = {delay.high_s}")
-    return found
+        problems.append(f"{key}.low_s = {delay.low_s}: must be at most high_s = {delay.high_s}")
+    return problems
 
 
 def _unused(key: str, model: Delay | Loss, used: set[str]) -> list[str]:
@@ -130,7 +130,7 @@ def _unused(key: str, model: Delay | Loss, used: set[str]) -> list[str]:
 
 
 def _traces(tables: Mapping[str, Loss | Delay]) -> list[str]:
-    found, count = [], 0
+    problems, count = [], 0
     for key, table in tables.items():
         rows = {f"{key}.values": table.values} if table.values is not None else {}
         links: Sequence[LossRows | DelayRows] = table.links
@@ -138,14 +138,14 @@ def _traces(tables: Mapping[str, Loss | Delay]) -> list[str]:
         for name, values in rows.items():
             count += len(values)
             if not values:
-                found.append(f"{name} = (): must have at least one row")
+                problems.append(f"{name} = (): must have at least one row")
             elif isinstance(table, Delay) and all(value is None for value in values):
-                found.append(f"{name}: every packet was lost, so there is no delay to take")
+                problems.append(f"{name}: every packet was lost, so there is no delay to take")
     if count > TRACE_ROWS_MAX:
-        found.append(
+        problems.append(
             f"channel: the traces have {count} rows together, must be at most {TRACE_ROWS_MAX}"
         )
-    return found
+    return problems
 
 
 def _rows_missing(
@@ -155,13 +155,13 @@ def _rows_missing(
     if model.model != "trace":
         return []
     own = [(link.sender, link.receiver) for link in model.links]
-    found = [
-        f"{key}.links.{place}: the link {s} -> {r} has rows already"
-        for place, (s, r) in enumerate(own)
-        if (s, r) in own[:place]
+    problems = [
+        f"{key}.links.{index}: the link {s} -> {r} has rows already"
+        for index, (s, r) in enumerate(own)
+        if (s, r) in own[:index]
     ]
     if model.values is not None:
-        return found
+        return problems
     if not own:
         return [f"{key}: model 'trace' needs file or values"]
     needed = [(ids[s], ids[r]) for s, r in np.argwhere(links).tolist()]
@@ -170,11 +170,11 @@ def _rows_missing(
     if missing:
         more = len(missing) - LINKS_NAMED_MAX
         named = ", ".join(missing[:LINKS_NAMED_MAX]) + (f" and {more} more" if more > 0 else "")
-        found.append(
+        problems.append(
             f"{key}: the trace has no rows for {named}; give rows to each link,"
             " or rows without sender and receiver for all others"
         )
-    return found
+    return problems
 
 
 def _event(key: str, event: object, ids: Sequence[str]) -> list[str]:
@@ -182,27 +182,27 @@ def _event(key: str, event: object, ids: Sequence[str]) -> list[str]:
         return _unknown(f"{key}.robot", event.robot, ids)
     if isinstance(event, Outage):
         return _names(key, event.sender, event.receiver, ids)
-    found: list[str] = []
+    problems: list[str] = []
     if isinstance(event, Partition):
         if len(event.groups) < 2:
-            found.append(f"{key}.groups = {shown(event.groups)}: must be two groups or more")
+            problems.append(f"{key}.groups = {shown(event.groups)}: must be two groups or more")
         grouped: dict[str, int] = {}
         for group, robots in enumerate(event.groups):
             if not robots:
-                found.append(f"{key}.groups.{group} = (): must have at least one robot")
-            for place, robot in enumerate(robots):
-                found += _unknown(f"{key}.groups.{group}.{place}", robot, ids)
+                problems.append(f"{key}.groups.{group} = (): must have at least one robot")
+            for index, robot in enumerate(robots):
+                problems += _unknown(f"{key}.groups.{group}.{index}", robot, ids)
                 if grouped.setdefault(robot, group) != group:
-                    found.append(
-                        f"{key}.groups.{group}.{place} = {robot!r}:"
+                    problems.append(
+                        f"{key}.groups.{group}.{index} = {robot!r}:"
                         f" is in groups.{grouped[robot]} already"
                     )
-    return found
+    return problems
 
 
 def _crashes(events: Iterable[object]) -> list[str]:
     """Crashes of a robot while it is away already."""
-    found = []
+    problems = []
     crashes = [(k, event) for k, event in enumerate(events) if isinstance(event, Crash)]
     for k, event in crashes:
         for other, before in crashes:
@@ -210,23 +210,23 @@ def _crashes(events: Iterable[object]) -> list[str]:
             back = inf if before.ticks is None else before.tick + before.ticks
             if before.robot == event.robot and begins_first and event.tick < back:
                 until = "for ever" if before.ticks is None else f"up to tick {int(back)}"
-                found.append(
+                problems.append(
                     f"events.{k}.tick = {event.tick}: {event.robot} is away already,"
                     f" {until}, by events.{other}"
                 )
-    return found
+    return problems
 
 
 def _names(key: str, sender: str | None, receiver: str | None, ids: Sequence[str]) -> list[str]:
-    found = [
+    problems = [
         problem
         for end, robot in (("sender", sender), ("receiver", receiver))
         if robot is not None
         for problem in _unknown(f"{key}.{end}", robot, ids)
     ]
     if sender is not None and sender == receiver:
-        found.append(f"{key}.receiver = {receiver!r}: a robot sends nothing to itself")
-    return found
+        problems.append(f"{key}.receiver = {receiver!r}: a robot sends nothing to itself")
+    return problems
 
 
 def _unknown(key: str, robot: str, ids: Sequence[str]) -> list[str]:

@@ -3,7 +3,7 @@
 from math import hypot
 
 from encircle.protocol.parameters import Parameters, Problems
-from encircle.protocol.plugins import STRATEGIES, PluginBroken, installed
+from encircle.protocol.plugins import STRATEGIES, PluginLoadError, installed
 from encircle.protocol.suggestions import did_you_mean
 from encircle.world.loading.channel_consistency import problems_of_radio
 from encircle.world.scenario.fields import ROBOTS_MAX
@@ -25,35 +25,37 @@ def problems_of(scenario: Scenario) -> list[str]:
 
 
 def _team(scenario: Scenario) -> list[str]:
-    found = []
+    problems = []
     team, placement = scenario.team, scenario.team.placement
     if team.positions is None and team.robots is None:
-        found.append("team: give either robots (a number) or positions")
+        problems.append("team: give either robots (a number) or positions")
     if team.positions is not None and team.robots not in (None, len(team.positions)):
-        found.append(f"team.robots = {team.robots}: but {len(team.positions)} positions are given")
+        problems.append(
+            f"team.robots = {team.robots}: but {len(team.positions)} positions are given"
+        )
     if team.positions is not None and not 1 <= len(team.positions) <= ROBOTS_MAX:
-        found.append(f"team.positions: {len(team.positions)} given, must be 1 to {ROBOTS_MAX}")
+        problems.append(f"team.positions: {len(team.positions)} given, must be 1 to {ROBOTS_MAX}")
     if team.positions is None and team.jitter_m > 0.0:
-        found.append(
+        problems.append(
             f"team.jitter_m = {team.jitter_m}: has no meaning without positions;"
             " random starts are another for every seed as it is"
         )
     if placement.distance_m_min > placement.distance_m_max:
-        found.append(
+        problems.append(
             f"team.placement.distance_m_min = {placement.distance_m_min}:"
             f" must be at most distance_m_max = {placement.distance_m_max}"
         )
     touching = team.radius_m + scenario.target.radius_m
     if scenario.capture.stop_distance_m < touching:
-        found.append(
+        problems.append(
             f"capture.stop_distance_m = {scenario.capture.stop_distance_m}: bodies of radius"
             f" {team.radius_m} and {scenario.target.radius_m} cannot come closer than {touching}"
         )
     if scenario.capture.count is not None and scenario.capture.count > len(scenario.ids):
-        found.append(
+        problems.append(
             f"capture.count = {scenario.capture.count}: the team has {len(scenario.ids)} robots"
         )
-    return found
+    return problems
 
 
 def _times(scenario: Scenario) -> list[str]:
@@ -66,10 +68,10 @@ def _times(scenario: Scenario) -> list[str]:
 
 
 def _names(scenario: Scenario) -> list[str]:
-    found = []
+    problems = []
     strategies = installed(STRATEGIES)
     if scenario.team.strategy not in strategies:
-        found.append(
+        problems.append(
             f"team.strategy = {scenario.team.strategy!r}: unknown strategy"
             f"{did_you_mean(scenario.team.strategy, strategies)};"
             f" known are: {', '.join(sorted(strategies))}"
@@ -78,31 +80,31 @@ def _names(scenario: Scenario) -> list[str]:
         # The robots would find out, but later, and each by itself.
         try:
             plugin.load()
-        except PluginBroken as error:
-            found.append(f"team.strategy = {scenario.team.strategy!r}: {error}")
+        except PluginLoadError as error:
+            problems.append(f"team.strategy = {scenario.team.strategy!r}: {error}")
     try:
         behaviour = behaviour_named(scenario.target.behaviour)
-    except (ValueError, PluginBroken) as error:
-        found.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
+    except (ValueError, PluginLoadError) as error:
+        problems.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
     else:
         try:
             check_parameters(behaviour, scenario.target.parameters)
         except Problems as error:
-            found.extend(
+            problems.extend(
                 f"target.parameters.{problem} (target.behaviour = {scenario.target.behaviour!r})"
                 for problem in error.lines
             )
         except ValueError as error:
-            found.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
-    found += [
+            problems.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
+    problems += [
         f"robot.{name} = {scenario.robot[name]!r}: belongs under team, target or capture"
         for name in sorted(set(scenario.robot) & set(scenario.bodies))
     ]
     try:
         Parameters.from_mapping(scenario.parameters)
     except Problems as error:
-        found.extend(f"robot.{problem}" for problem in error.lines)
-    return found
+        problems.extend(f"robot.{problem}" for problem in error.lines)
+    return problems
 
 
 def _overlaps(scenario: Scenario) -> list[str]:
@@ -117,16 +119,16 @@ def _overlaps(scenario: Scenario) -> list[str]:
         (f"obstacles.{k}.position", o.position, o.radius_m, 0.0)
         for k, o in enumerate(scenario.obstacles)
     ]
-    found = []
+    problems = []
     for k, (name, (x, y), radius, jitter) in enumerate(bodies):
         for other, (ox, oy), other_radius, other_jitter in [*bodies[:k], *fixed]:
             apart, reach = radius + other_radius + STARTING_GAP_M, jitter + other_jitter
             if hypot(x - ox, y - oy) < apart:
-                found.append(f"{name} = {(x, y)}: overlaps {other} = {(ox, oy)}")
+                problems.append(f"{name} = {(x, y)}: overlaps {other} = {(ox, oy)}")
             # The nearest that two places can come, each moved by its jitter along each axis.
             elif hypot(max(0.0, abs(x - ox) - reach), max(0.0, abs(y - oy) - reach)) < apart:
-                found.append(
+                problems.append(
                     f"team.jitter_m = {team.jitter_m}: moved by that much,"
                     f" {name} = {(x, y)} could overlap {other} = {(ox, oy)}"
                 )
-    return found
+    return problems

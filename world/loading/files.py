@@ -64,26 +64,26 @@ def override(tree: dict[str, Any], change: str) -> None:
     except tomllib.TOMLDecodeError:
         value = text
     *path, last = key.split(".")
-    place: Any = tree
+    branch: Any = tree
     for depth, part in enumerate(path):
         # A scenario that was written out in full has null for a table that it has not.
-        if isinstance(place, dict) and place.get(part) is None:
-            place[part] = {}
-        place = place[_key_in(place, part, path[:depth], change)]
-    place[_key_in(place, last, path, change)] = value
+        if isinstance(branch, dict) and branch.get(part) is None:
+            branch[part] = {}
+        branch = branch[_key_in(branch, part, path[:depth], change)]
+    branch[_key_in(branch, last, path, change)] = value
 
 
-def _key_in(place: Any, part: str, path: list[str], change: str) -> str | int:
+def _key_in(branch: Any, part: str, path: list[str], change: str) -> str | int:
     """The key of a part of a table or list; ``ScenarioError`` if it can have none."""
-    if isinstance(place, dict):
+    if isinstance(branch, dict):
         return part
     where = ".".join(path)
-    if not isinstance(place, list):
+    if not isinstance(branch, list):
         raise ScenarioError(
-            f"override {change!r}: there is no such key, for {where} = {shown(place)} is no table"
+            f"override {change!r}: there is no such key, for {where} = {shown(branch)} is no table"
         )
-    if not (part.isascii() and part.isdigit() and int(part) < len(place)):
-        numbers = f"they are numbered from 0 to {len(place) - 1}" if place else "it has none"
+    if not (part.isascii() and part.isdigit() and int(part) < len(branch)):
+        numbers = f"they are numbered from 0 to {len(branch) - 1}" if branch else "it has none"
         raise ScenarioError(
             f"override {change!r}: there is no such key, for {where} is a list, and {part!r} not"
             f" the number of one of its items: {numbers}"

@@ -7,7 +7,7 @@ tells its remarks first, a line each: the commands on standard error, the Python
 """
 
 from encircle.protocol.parameters import Parameters
-from encircle.world.arena.capture import ROBOTS_MIN, most_within
+from encircle.world.arena.capture import ROBOTS_MIN, robots_within_max
 from encircle.world.scenario.channel_model import Crash, Delay, delay_parts
 from encircle.world.scenario.model import Scenario
 
@@ -36,7 +36,7 @@ def _who_can_capture(scenario: Scenario) -> list[str]:
 def _room(scenario: Scenario) -> list[str]:
     """A capture that takes more robots than find a place around the target."""
     stop_m, needed = scenario.capture.stop_distance_m, max(ROBOTS_MIN, scenario.capture_count)
-    most = most_within(stop_m, scenario.team.radius_m, scenario.target.radius_m)
+    most = robots_within_max(stop_m, scenario.team.radius_m, scenario.target.radius_m)
     if needed > most:
         return [
             f"capture.stop_distance_m = {stop_m:g}: no more than {most} robots of radius"
@@ -80,19 +80,19 @@ def _delays(scenario: Scenario) -> list[str]:
     # It brings scipy, for which a command without delays need not wait.
     from encircle.world.channel.delay_means import delivered_s_mean, mean_s
 
-    tick_s, found = scenario.tick_s, []
+    tick_s, remarks = scenario.tick_s, []
     for key, delay in delayed:
         asked_s = mean_s(delay)
         if 0.0 < asked_s <= tick_s / 2.0:
-            found.append(
+            remarks.append(
                 f"{key}: {asked_s:.3g} s on average ({delay.model}) is at most half a tick of"
                 f" {tick_s:g} s; packets arrive at ticks, at the next one at the earliest, so that"
                 f" the mean delay will be about {delivered_s_mean(delay, tick_s):.3g} s (with a"
                 " smaller tick_s less)"
             )
         elif too_long := _too_long(scenario, asked_s):
-            found.append(f"{key}: {asked_s:.3g} s on average ({delay.model}) is {too_long}")
-    return found
+            remarks.append(f"{key}: {asked_s:.3g} s on average ({delay.model}) is {too_long}")
+    return remarks
 
 
 def _too_long(scenario: Scenario, asked_s: float) -> str:

@@ -22,7 +22,7 @@ ROWS_MAX = 1_000_000
 
 
 @dataclass(slots=True)
-class Stay:
+class Participation:
     """One robot's time in the run, from a joining on.
 
     ``packets``: (tick, sent, came) by number; ``heard``: by sender, when each packet came that the
@@ -53,7 +53,7 @@ class Injected:
     ticks: dict[int, int] = field(default_factory=dict)
 
 
-class Traffic:
+class MessageLedger:
     """The ledger of one run. ``full_tick``: from which tick on nothing was written, if any.
 
     ``direct``: whether robots hear each other themselves.
@@ -65,53 +65,59 @@ class Traffic:
         self.robots = tuple(robots)
         self.tick_s = tick_s
         self.direct = direct
-        self.stays: dict[str, list[Stay]] = {robot: [] for robot in robots}
+        self.participations: dict[str, list[Participation]] = {robot: [] for robot in robots}
         self.injected: dict[tuple[str, str], Injected] = {}
         self.full_tick: int | None = None
         self._rows_left = rows_max
 
     def joined(self, robot: str, first_tick: int) -> None:
         """A robot begins, or begins afresh, with the observation of this tick."""
-        self.stays[robot].append(Stay(first_tick))
+        self.participations[robot].append(Participation(first_tick))
 
     def asked(self, robot: str, tick: int, sent_us: int) -> None:
         """The world has sent an observation at a time by its clock."""
-        if self.stays[robot] and not self._is_full(tick):
-            self.stays[robot][-1].asked_us[tick] = sent_us
+        if self.participations[robot] and not self._is_full(tick):
+            self.participations[robot][-1].asked_us[tick] = sent_us
             self._rows_left -= 1
 
-    def answered(self, command: Command, came_us: int) -> None:
+    def answered(self, command: Command, arrival_us: int) -> None:
         """A command has come to the world."""
-        stay = self._stay_at(command.robot, command.tick)
-        if stay is None or command.timing is None or self._is_full(command.tick):
+        participation = self._participation_at(command.robot, command.tick)
+        if participation is None or command.timing is None or self._is_full(command.tick):
             return
-        heard_us, answered_us, told = command.timing
-        for sender, number, time_us in told:
+        received_us, answered_us, receipts = command.timing
+        for sender, number, time_us in receipts:
             about_world = sender in (ANSWERED, PASSED_OVER)
-            known = stay.arrived_us if about_world else stay.heard.setdefault(sender, {})
+            known = (
+                participation.arrived_us
+                if about_world
+                else participation.heard.setdefault(sender, {})
+            )
             if number not in known:
                 known[number] = time_us
                 self._rows_left -= 1
             if about_world:
-                stay.known_tick = max(stay.known_tick, number)
+                participation.known_tick = max(participation.known_tick, number)
         if command.mode == STOPPED:
             return
-        stay.last_tick = command.tick
-        stay.passed_over, stay.missed = (command.refused.get(x, 0) for x in (PASSED_OVER, MISSED))
-        stay.commands += 1
-        asked_us = stay.asked_us.get(command.tick)
+        participation.last_tick = command.tick
+        participation.passed_over, participation.missed = (
+            command.refused.get(x, 0) for x in (PASSED_OVER, MISSED)
+        )
+        participation.commands += 1
+        asked_us = participation.asked_us.get(command.tick)
         if asked_us is not None:
-            stay.exchanges.append(Exchange(asked_us, heard_us, answered_us, came_us))
+            participation.exchanges.append(Exchange(asked_us, received_us, answered_us, arrival_us))
         self._rows_left -= 1
 
-    def packet(self, pose: Pose, came_us: int) -> None:
+    def packet(self, pose: Pose, arrival_us: int) -> None:
         """A packet has come to the world."""
-        stay = self._stay_at(pose.robot, pose.tick)
-        if stay is not None and pose.sent_us is not None and not self._is_full(pose.tick):
-            stay.packets.setdefault(pose.sequence, (pose.tick, pose.sent_us, came_us))
+        participation = self._participation_at(pose.robot, pose.tick)
+        if participation is not None and pose.sent_us is not None and not self._is_full(pose.tick):
+            participation.packets.setdefault(pose.sequence, (pose.tick, pose.sent_us, arrival_us))
             self._rows_left -= 1
 
-    def radioed(self, radio: Radio) -> None:
+    def fates_drawn(self, radio: Radio) -> None:
         """The modelled radio has drawn the fates of the packets of a tick."""
         for sender, row in zip(self.robots, radio.fates, strict=True):
             for receiver, fate in zip(self.robots, row, strict=True):
@@ -130,10 +136,12 @@ class Traffic:
                 if due:
                     self.injected[sender, receiver].copied += 1
 
-    def _stay_at(self, robot: str, tick: int) -> Stay | None:
+    def _participation_at(self, robot: str, tick: int) -> Participation | None:
         """The robot's stay that a message of a tick is from, None if it is from an earlier one."""
-        stays = self.stays.get(robot)
-        return stays[-1] if stays and tick >= stays[-1].first_tick else None
+        participations = self.participations.get(robot)
+        return (
+            participations[-1] if participations and tick >= participations[-1].first_tick else None
+        )
 
     def _is_full(self, tick: int) -> bool:
         if self._rows_left <= 0 and self.full_tick is None:

@@ -25,15 +25,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from encircle.protocol.clocks import Offset, Offsets
-from encircle.world.network.message_ledger import Stay, Traffic
+from encircle.world.network.message_ledger import MessageLedger, Participation
 
 SETTLE_S = 1.0
 ERROR_TICKS_MAX = 0.5
 WORLD = "world"
-HERE = Offset(0.0, 0.0)
+NO_OFFSET = Offset(0.0, 0.0)
 
 
-class Way(NamedTuple):
+class Transit(NamedTuple):
     """One message's way. ``delay_us`` is None if it was lost, or one of its times is not known.
 
     ``number`` is a packet's, and of no meaning for other messages.
@@ -46,7 +46,7 @@ class Way(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class LinkReport:
     """What the network did to one sort of message from one party to another.
 
     ``unknown``: how many more were sent of which it is not known whether they came, as far as that
@@ -67,94 +67,102 @@ class Link:
     unknown: int = 0
 
 
-def report(traffic: Traffic) -> dict[str, Any]:
+def report(ledger: MessageLedger) -> dict[str, Any]:
     """All links, actual and injected, and the clocks, for summaries."""
-    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
+    offsets = {robot: offsets_of(ledger, robot) for robot in ledger.robots}
     return {
-        "tick_s": traffic.tick_s,
-        "links": [asdict(link) for link in links_of(traffic)],
-        "injected": injected(traffic),
-        "clocks": [clock(robot, offsets[robot]) for robot in traffic.robots],
-        "incomplete_from_tick": traffic.full_tick,
+        "tick_s": ledger.tick_s,
+        "links": [asdict(link) for link in links_of(ledger)],
+        "injected": injected(ledger),
+        "clocks": [clock(robot, offsets[robot]) for robot in ledger.robots],
+        "incomplete_from_tick": ledger.full_tick,
     }
 
 
-def links_of(traffic: Traffic) -> list[Link]:
+def links_of(ledger: MessageLedger) -> list[LinkReport]:
     """What the network did to each link, legs to and from the world first."""
-    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
-    found: list[Link] = []
-    for robot in traffic.robots:
-        if traffic.stays[robot]:
-            found += _legs(traffic, robot, offsets[robot])
-    for sender in traffic.robots:
-        for receiver in traffic.robots:
-            if sender != receiver and traffic.direct:
-                ways = ways_of(traffic, sender, receiver, offsets)
-                broken = unsteady(sender, offsets) or unsteady(receiver, offsets)
-                found.append(_link((sender, receiver, "pose"), ways, traffic, broken))
+    offsets = {robot: offsets_of(ledger, robot) for robot in ledger.robots}
+    found: list[LinkReport] = []
+    for robot in ledger.robots:
+        if ledger.participations[robot]:
+            found += _legs(ledger, robot, offsets[robot])
+    for sender in ledger.robots:
+        for receiver in ledger.robots:
+            if sender != receiver and ledger.direct:
+                transits = transits_of(ledger, sender, receiver, offsets)
+                clock_problem = unsteady(sender, offsets) or unsteady(receiver, offsets)
+                found.append(_link((sender, receiver, "pose"), transits, ledger, clock_problem))
     return found
 
 
-def offsets_of(traffic: Traffic, robot: str) -> Offsets:
+def offsets_of(ledger: MessageLedger, robot: str) -> Offsets:
     """How far a robot's clock is ahead of the world's, at any time."""
-    return Offsets([x for stay in traffic.stays[robot] for x in stay.exchanges])
+    return Offsets(
+        [x for participation in ledger.participations[robot] for x in participation.exchanges]
+    )
 
 
-def ways_of(traffic: Traffic, sender: str, receiver: str, offsets: dict[str, Offsets]) -> list[Way]:
+def transits_of(
+    ledger: MessageLedger, sender: str, receiver: str, offsets: dict[str, Offsets]
+) -> list[Transit]:
     """The way of each packet that a robot has sent to another, in the order of sending.
 
     Where robots do not hear each other, through the world: there and on with the next observation.
     """
-    if not traffic.direct:
-        return _ways_through_world(traffic, sender, receiver, offsets)
-    ways: list[Way] = []
-    settle_ticks = round(SETTLE_S / traffic.tick_s)
-    for there in traffic.stays[sender]:
-        for here in traffic.stays[receiver]:
-            for number in _sent_during(there, here, sender, settle_ticks, traffic):
+    if not ledger.direct:
+        return _transits_through_world(ledger, sender, receiver, offsets)
+    transits: list[Transit] = []
+    settle_ticks = round(SETTLE_S / ledger.tick_s)
+    for there in ledger.participations[sender]:
+        for here in ledger.participations[receiver]:
+            for number in _sent_during(there, here, sender, settle_ticks, ledger):
                 heard = here.heard.get(sender, {}).get(number)
                 sent = there.packets.get(number)
                 if heard is None:
-                    ways.append(Way(number, True, None, 0.0))
+                    transits.append(Transit(number, True, None, 0.0))
                 elif sent is None:
-                    ways.append(Way(number, False, None, 0.0))
+                    transits.append(Transit(number, False, None, 0.0))
                 else:
                     at = offsets[sender].of_remote(sent[1]), offsets[receiver].of_remote(heard)
-                    ways.append(_way(number, heard - sent[1], at))
-    return ways
+                    transits.append(_transit(number, heard - sent[1], at))
+    return transits
 
 
-def _ways_through_world(
-    traffic: Traffic, sender: str, receiver: str, offsets: dict[str, Offsets]
-) -> list[Way]:
+def _transits_through_world(
+    ledger: MessageLedger, sender: str, receiver: str, offsets: dict[str, Offsets]
+) -> list[Transit]:
     """The legs of each packet to the world and of the next observation, together."""
-    asked = [(us, tick, stay) for stay in traffic.stays[receiver] for tick, us in _known(stay)]
+    asked = [
+        (us, tick, participation)
+        for participation in ledger.participations[receiver]
+        for tick, us in _known(participation)
+    ]
     asked_us = [us for us, _, _ in asked]
-    ways: list[Way] = []
-    for stay in traffic.stays[sender]:
-        for number in _numbers(stay, ()):
-            if number not in stay.packets:
-                ways.append(Way(number, True, None, 0.0))
+    transits: list[Transit] = []
+    for participation in ledger.participations[sender]:
+        for number in _numbers(participation, ()):
+            if number not in participation.packets:
+                transits.append(Transit(number, True, None, 0.0))
                 continue
-            _, sent_us, came_us = stay.packets[number]
-            place = bisect_right(asked_us, came_us)
-            if place == len(asked):
+            _, sent_us, arrival_us = participation.packets[number]
+            index = bisect_right(asked_us, arrival_us)
+            if index == len(asked):
                 # Whether the robot was told of it is not known.
                 continue
-            on_us, tick, here = asked[place]
-            heard_us = here.arrived_us.get(tick)
-            if heard_us is None:
-                ways.append(Way(number, True, None, 0.0))
+            on_us, tick, here = asked[index]
+            received_us = here.arrived_us.get(tick)
+            if received_us is None:
+                transits.append(Transit(number, True, None, 0.0))
                 continue
-            at = offsets[sender].at(came_us), offsets[receiver].of_remote(heard_us)
-            ways.append(_way(number, heard_us - sent_us - (on_us - came_us), at))
-    return ways
+            at = offsets[sender].at(arrival_us), offsets[receiver].of_remote(received_us)
+            transits.append(_transit(number, received_us - sent_us - (on_us - arrival_us), at))
+    return transits
 
 
-def injected(traffic: Traffic) -> list[dict[str, Any]]:
+def injected(ledger: MessageLedger) -> list[dict[str, Any]]:
     """What the modelled radio did to each directed link."""
     found = []
-    for (sender, receiver), link in sorted(traffic.injected.items()):
+    for (sender, receiver), link in sorted(ledger.injected.items()):
         arrived = sum(link.ticks.values())
         ticks = sum(n * k for n, k in link.ticks.items())
         found.append(
@@ -164,8 +172,8 @@ def injected(traffic: Traffic) -> list[dict[str, Any]]:
                 "sent": link.sent,
                 "copied": link.copied,
                 "lost": dict(sorted(link.lost.items())),
-                "delay_s_mean": ticks * traffic.tick_s / arrived if arrived else None,
-                "delay_s_max": max(link.ticks, default=0) * traffic.tick_s if arrived else None,
+                "delay_s_mean": ticks * ledger.tick_s / arrived if arrived else None,
+                "delay_s_max": max(link.ticks, default=0) * ledger.tick_s if arrived else None,
             }
         )
     return found
@@ -184,65 +192,73 @@ def clock(robot: str, offsets: Offsets) -> dict[str, Any]:
     }
 
 
-def _legs(traffic: Traffic, robot: str, offsets: Offsets) -> list[Link]:
+def _legs(ledger: MessageLedger, robot: str, offsets: Offsets) -> list[LinkReport]:
     """Observations to a robot, commands and packets from it."""
     down, up, packets = [], [], []
     given = got = unknown = 0
-    for stay in traffic.stays[robot]:
-        asked = _known(stay)
-        unknown += len(stay.asked_us) - len(asked)
+    for participation in ledger.participations[robot]:
+        asked = _known(participation)
+        unknown += len(participation.asked_us) - len(asked)
         for tick, asked_us in asked:
-            heard_us = stay.arrived_us.get(tick)
-            if heard_us is None:
-                down.append(Way(0, True, None, 0.0))
+            received_us = participation.arrived_us.get(tick)
+            if received_us is None:
+                down.append(Transit(0, True, None, 0.0))
             else:
-                down.append(_way(0, heard_us - asked_us, (HERE, offsets.of_remote(heard_us))))
-        answered = max(0, stay.last_tick - stay.first_tick + 1)
-        given, got = given + answered - stay.missed - stay.passed_over, got + stay.commands
-        for exchange in stay.exchanges:
-            offset = offsets.at(exchange.came_us)
-            up.append(_way(0, exchange.came_us - exchange.answered_us, (offset, HERE)))
-        for number in _numbers(stay, ()):
-            if number not in stay.packets:
-                packets.append(Way(number, True, None, 0.0))
+                down.append(
+                    _transit(0, received_us - asked_us, (NO_OFFSET, offsets.of_remote(received_us)))
+                )
+        answered = max(0, participation.last_tick - participation.first_tick + 1)
+        given, got = (
+            given + answered - participation.missed - participation.passed_over,
+            got + participation.commands,
+        )
+        for exchange in participation.exchanges:
+            offset = offsets.at(exchange.arrival_us)
+            up.append(_transit(0, exchange.arrival_us - exchange.answered_us, (offset, NO_OFFSET)))
+        for number in _numbers(participation, ()):
+            if number not in participation.packets:
+                packets.append(Transit(number, True, None, 0.0))
                 continue
-            _, sent_us, came_us = stay.packets[number]
-            offset = offsets.at(came_us)
-            packets.append(_way(number, came_us - sent_us, (offset, HERE)))
-    broken = unsteady(robot, {robot: offsets})
-    observations = _link((WORLD, robot, "observation"), down, traffic, broken)
-    commands = _link((robot, WORLD, "command"), up, traffic, broken)
+            _, sent_us, arrival_us = participation.packets[number]
+            offset = offsets.at(arrival_us)
+            packets.append(_transit(number, arrival_us - sent_us, (offset, NO_OFFSET)))
+    clock_problem = unsteady(robot, {robot: offsets})
+    observations = _link((WORLD, robot, "observation"), down, ledger, clock_problem)
+    commands = _link((robot, WORLD, "command"), up, ledger, clock_problem)
     return [
         replace(observations, unknown=unknown),
         replace(commands, sent=given, lost=max(0, given - got)),
-        _link((robot, WORLD, "pose"), packets, traffic, broken),
+        _link((robot, WORLD, "pose"), packets, ledger, clock_problem),
     ]
 
 
-def _way(number: int, apart_us: float, clocks: tuple[Offset | None, Offset | None]) -> Way:
+def _transit(number: int, apart_us: float, clocks: tuple[Offset | None, Offset | None]) -> Transit:
     """A way from the difference of its two times, by the clocks of sender and receiver."""
     sender, receiver = clocks
     if sender is None or receiver is None:
-        return Way(number, False, None, 0.0)
+        return Transit(number, False, None, 0.0)
     delay_us = apart_us - receiver.offset_us + sender.offset_us
-    return Way(number, False, delay_us, sender.error_us + receiver.error_us)
+    return Transit(number, False, delay_us, sender.error_us + receiver.error_us)
 
 
 def _link(
-    name: tuple[str, str, str], ways: Sequence[Way], traffic: Traffic, broken: str | None
-) -> Link:
-    sent, lost = len(ways), sum(way.lost for way in ways)
-    known = [way for way in ways if way.delay_us is not None]
-    error_us = median([way.error_us for way in known]) if known else None
-    refused = broken or delay_refusal(error_us, traffic.tick_s)
-    if ways and all(way.lost for way in ways):
+    name: tuple[str, str, str],
+    transits: Sequence[Transit],
+    ledger: MessageLedger,
+    clock_problem: str | None,
+) -> LinkReport:
+    sent, lost = len(transits), sum(transit.lost for transit in transits)
+    known = [transit for transit in transits if transit.delay_us is not None]
+    error_us = median([transit.error_us for transit in known]) if known else None
+    refused = clock_problem or delay_refusal(error_us, ledger.tick_s)
+    if transits and all(transit.lost for transit in transits):
         refused = "nothing has arrived"
     error_s = None if error_us is None else error_us / 1e6
     if refused:
-        return Link(*name, sent, lost, None, None, error_s, refused)
-    delays_s = np.array([way.delay_us for way in known], float) / 1e6
+        return LinkReport(*name, sent, lost, None, None, error_s, refused)
+    delays_s = np.array([transit.delay_us for transit in known], float) / 1e6
     p50, p99 = np.quantile(delays_s, (0.5, 0.99)).tolist()
-    return Link(*name, sent, lost, p50, p99, error_s, None)
+    return LinkReport(*name, sent, lost, p50, p99, error_s, None)
 
 
 def delay_refusal(error_us: float | None, tick_s: float) -> str | None:
@@ -260,17 +276,17 @@ def unsteady(robot: str, offsets: dict[str, Offsets]) -> str | None:
     return None if offsets[robot].is_steady else f"the clock of {robot} was set anew in mid-run"
 
 
-def _numbers(stay: Stay, heard: Sequence[int]) -> range:
+def _numbers(participation: Participation, heard: Sequence[int]) -> range:
     """The numbers of a stay's packets, as far as anyone has seen them."""
-    last = max([*stay.packets, *heard], default=stay.first_tick - 1)
-    return range(stay.first_tick, last + 1)
+    last = max([*participation.packets, *heard], default=participation.first_tick - 1)
+    return range(participation.first_tick, last + 1)
 
 
 def _sent_during(
-    there: Stay, here: Stay, sender: str, settle_ticks: int, traffic: Traffic
+    there: Participation, here: Participation, sender: str, settle_ticks: int, ledger: MessageLedger
 ) -> list[int]:
     """Numbers of the packets from ``there`` that count for a receiver's stay."""
-    later = [s.first_tick for s in traffic.stays[sender] if s.first_tick > there.first_tick]
+    later = [s.first_tick for s in ledger.participations[sender] if s.first_tick > there.first_tick]
     end = min(later, default=None)
     heard = [
         number
@@ -287,18 +303,22 @@ def _sent_during(
     return found
 
 
-def _known(stay: Stay) -> list[tuple[int, int]]:
+def _known(participation: Participation) -> list[tuple[int, int]]:
     """Tick and time of each observation of which it is known whether it came."""
-    return [(tick, us) for tick, us in stay.asked_us.items() if tick <= stay.known_tick]
+    return [
+        (tick, us)
+        for tick, us in participation.asked_us.items()
+        if tick <= participation.known_tick
+    ]
 
 
-def _earliest_ticks(stay: Stay, heard: Sequence[int]) -> list[tuple[int, int]]:
+def _earliest_ticks(participation: Participation, heard: Sequence[int]) -> list[tuple[int, int]]:
     """Each packet's number, and the tick at which it can have been sent at the earliest.
 
     The world knows the ticks of those that have reached it; the others are in between.
     """
-    found, tick = [], stay.first_tick - 1
-    for number in _numbers(stay, heard):
-        tick = stay.packets[number][0] if number in stay.packets else tick + 1
+    found, tick = [], participation.first_tick - 1
+    for number in _numbers(participation, heard):
+        tick = participation.packets[number][0] if number in participation.packets else tick + 1
         found.append((number, tick))
     return found

@@ -25,12 +25,12 @@ def report_as_json(event: dict[str, Any]) -> None:
         sys.stdout = None
 
 
-class PersonReporter:
+class ConsoleReporter:
     """Lines on standard error: who is waited for when that changes, and a tick a second."""
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._clock_s = clock_s
-        self._told_s = clock_s()
+        self._reported_s = clock_s()
 
     def __call__(self, event: dict[str, Any]) -> None:
         """Say what is of interest."""
@@ -39,8 +39,8 @@ class PersonReporter:
             say_error(f"world: waiting for {names}" if names else "world: every robot is there")
         elif event.get("waiting"):
             say_error(f"world: waiting for the answer of {shortened(event['waiting'])}")
-        elif "tick" in event and self._clock_s() - self._told_s >= PERIOD_S:
-            self._told_s = self._clock_s()
+        elif "tick" in event and self._clock_s() - self._reported_s >= PERIOD_S:
+            self._reported_s = self._clock_s()
             say_error(tick_line(event["tick"], event["lost"], event["distances_m"]))
 
 
@@ -51,7 +51,7 @@ def tick_line(tick: int, lost: Sequence[str], distances_m: Sequence[float]) -> s
     return f"world: tick {tick}{missing}, {away} m to the target"
 
 
-def shortened(words: Sequence[str], between: str = ", ") -> str:
+def shortened(items: Sequence[str], between: str = ", ") -> str:
     """A list for one line."""
-    more = [f"and {len(words) - SHOWN_MAX} more"] if len(words) > SHOWN_MAX else []
-    return between.join([*words[:SHOWN_MAX], *more])
+    more = [f"and {len(items) - SHOWN_MAX} more"] if len(items) > SHOWN_MAX else []
+    return between.join([*items[:SHOWN_MAX], *more])

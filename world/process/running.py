@@ -14,19 +14,19 @@ from pathlib import Path
 from typing import Any
 
 from encircle.protocol.keys import robot_key, world_key
-from encircle.protocol.messages import FAILED_FOR
-from encircle.protocol.process.interrupts import told_to
+from encircle.protocol.messages import FAILED_PREFIX
+from encircle.protocol.process.interrupts import signals_to
 from encircle.protocol.process.log import say_error
-from encircle.protocol.process.tracebacks import line_of
-from encircle.protocol.zenoh.connection import LinkError, ZenohLink
-from encircle.protocol.zenoh.endpoints import Access
-from encircle.protocol.zenoh.unique_names import check_free
+from encircle.protocol.process.tracebacks import failure_line
+from encircle.protocol.zenoh.connection import ConnectionFailed, ZenohConnection
+from encircle.protocol.zenoh.endpoints import Endpoints
+from encircle.protocol.zenoh.unique_names import check_name_free
 from encircle.world.arena.engine import Arena
-from encircle.world.coordinator.paced_core import PacedCore
+from encircle.world.coordinator.real_time_core import RealTimeWorldCore
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.network.transport import report
 from encircle.world.process.reports import Reporter
-from encircle.world.process.server import Server, Terms
+from encircle.world.process.server import Server, WorldOptions
 from encircle.world.recording.recorder import Recorder, RecordingStopped
 from encircle.world.recording.resuming import Resumed
 from encircle.world.recording.run_directory import (
@@ -41,10 +41,10 @@ from encircle.world.recording.run_directory import (
 async def run_world(
     arena: Arena,
     run: str,
-    access: Access,
+    endpoints: Endpoints,
     out: Path | None,
     log: Callable[[str], None],
-    terms: Terms,
+    options: WorldOptions,
     report_to: Reporter,
     resumed: Resumed | None = None,
 ) -> int:
@@ -54,45 +54,47 @@ async def run_world(
     is.
     """
     # Built first: a team that cannot be placed leaves nothing behind.
-    kind = PacedCore if arena.scenario.clock == "wall" else WorldCore
+    kind = RealTimeWorldCore if arena.scenario.clock == "wall" else WorldCore
     core = resumed.core if resumed else kind(arena, run, log)
-    check = partial(check_free, token=world_key(run, "alive"), who=f"world of run {run}")
+    check = partial(check_name_free, token=world_key(run, "alive"), who=f"world of run {run}")
     try:
         if out is not None and resumed is None:
             create(out)
-        link = await asyncio.to_thread(ZenohLink, access, robot_key(run, "*", "*"), check)
-    except (RunDirectoryError, LinkError) as error:
+        connection = await asyncio.to_thread(
+            ZenohConnection, endpoints, robot_key(run, "*", "*"), check
+        )
+    except (RunDirectoryError, ConnectionFailed) as error:
         say_error(f"world: {error}")
         return 2 if isinstance(error, RunDirectoryError) else 1
-    server = Server(core, link, terms, report_to, resumed)
-    with told_to(server.interrupt):
+    server = Server(core, connection, options, report_to, resumed)
+    with signals_to(server.interrupt):
         try:
             recorder = _recorder(out, arena, run, resumed)
-            ended = await _served(server, access, out, recorder)
+            ended = await _served(server, endpoints, out, recorder)
         except (RunDirectoryError, RecordingStopped) as error:
             say_error(f"world: {error}")
             return 1
         finally:
-            await asyncio.to_thread(link.close)
-        return _conclude(server, ended, out, recorder)
+            await asyncio.to_thread(connection.close)
+        return _finish(server, ended, out, recorder)
 
 
 async def _served(
-    server: Server, access: Access, out: Path | None, recorder: Recorder | None
+    server: Server, endpoints: Endpoints, out: Path | None, recorder: Recorder | None
 ) -> str:
     """Say where the world is and run the hunt; returns how it ended."""
-    core, terms = server.core, server.terms
+    core, options = server.core, server.options
     if recorder is not None:
         server.record_with(recorder)
-    core.shows = True
-    if terms.parent:
+    core.publishes_state = True
+    if options.parent:
         reader = asyncio.get_running_loop().add_reader
         reader(sys.stdin.fileno(), server.stop, "its starter is gone")
-    server.report({"listening" if access.listen else "connected": str(access)})
-    if not terms.parent:
+    server.report({"listening" if endpoints.listen else "connected": str(endpoints)})
+    if not options.parent:
         kept = f"recording into {out}" if out else "recording nothing: --runs DIR would"
         names = ", ".join(core.arena.ids)
-        say_error(f"world: run {core.run} at {access}, {kept}; waiting for {names}")
+        say_error(f"world: run {core.run} at {endpoints}, {kept}; waiting for {names}")
     return await server.serve()
 
 
@@ -102,11 +104,11 @@ def _recorder(out: Path | None, arena: Arena, run: str, resumed: Resumed | None)
     return start_recording(out, arena.scenario, run, resumed.messages if resumed else None)
 
 
-def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder | None) -> int:
+def _finish(server: Server, ended: str, out: Path | None, recorder: Recorder | None) -> int:
     """Finish the recording, write the summary, and tell what came of the run; the exit status."""
     core = server.core
-    if core.broken is not None:
-        ended = f"{FAILED_FOR}{line_of(core.broken, out)}"
+    if core.plugin_failure is not None:
+        ended = f"{FAILED_PREFIX}{failure_line(core.plugin_failure, out)}"
     result = replace(core.result(), ended=ended)
     extra: dict[str, Any] = {
         "rounds_s": server.rounds_s,
@@ -114,9 +116,9 @@ def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder |
         "begun_unix_s": server.begun_unix_s,
     }
     transport = {}
-    if isinstance(core, PacedCore) and server.punctuality is not None:
+    if isinstance(core, RealTimeWorldCore) and server.punctuality is not None:
         extra["real_time"] = {**server.punctuality.as_dict(), "robots": core.summary()}
-        transport = {"transport": report(core.traffic)}
+        transport = {"transport": report(core.ledger)}
     if recorder is not None and out is not None and not server.has_begun:
         discard(recorder, out)
     elif recorder is not None and out is not None:
@@ -124,13 +126,13 @@ def _conclude(server: Server, ended: str, out: Path | None, recorder: Recorder |
             with contextlib.closing(recorder):
                 write_summary(out, core.arena.scenario, result, core.run, extra | transport)
         except RecordingStopped as error:
-            if not ended.startswith(FAILED_FOR):
-                result = replace(result, ended=f"{FAILED_FOR}{error}")
+            if not ended.startswith(FAILED_PREFIX):
+                result = replace(result, ended=f"{FAILED_PREFIX}{error}")
     server.report({"result": asdict(result) | extra})
-    if result.ended.startswith(FAILED_FOR):
-        say_error(f"world: {result.ended.removeprefix(FAILED_FOR)}")
+    if result.ended.startswith(FAILED_PREFIX):
+        say_error(f"world: {result.ended.removeprefix(FAILED_PREFIX)}")
         return 1
-    if not server.terms.parent:
+    if not server.options.parent:
         how = "captured" if result.captured else "not captured"
         kept = f", recorded in {out}" if out else ""
         say_error(f"world: {how} at tick {result.ticks}, digest {result.digest}{kept}")

@@ -8,43 +8,43 @@ has arrived.
 
 from collections.abc import Iterator
 
-from encircle.protocol.connections import Link
+from encircle.protocol.connections import Connection
 from encircle.protocol.keys import parse_key, robot_key
-from encircle.protocol.zenoh.connection import ZenohLink
+from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.world.coordinator.world_core import Outgoing
 
-LOT_BYTES_MAX = 256 * 1024
-ARRIVES_S_MAX = 10.0
+BATCH_BYTES_MAX = 256 * 1024
+BATCH_S_MAX = 10.0
 
 
-def send(link: Link, messages: Outgoing) -> None:
+def send(connection: Connection, messages: Outgoing) -> None:
     """Hand messages over to a link, in their order."""
     for key, payload in messages:
-        link.send(key, payload)
+        connection.send(key, payload)
 
 
-def tell(link: ZenohLink, messages: Outgoing) -> None:
+def send_in_batches(connection: ZenohConnection, messages: Outgoing) -> None:
     """As ``send``, waiting between lots until they have arrived.
 
     One who does not say so, as one that is frozen, is told the rest without waiting.
     """
     arrives = True
-    for number, lot in enumerate(lots(messages)):
+    for number, batch in enumerate(batches(messages)):
         if number > 0 and arrives:
-            run, robot, _ = parse_key(lot[0][0])
-            arrives = link.flush(robot_key(run, robot or "", "about"), ARRIVES_S_MAX)
-        send(link, lot)
+            run, robot, _ = parse_key(batch[0][0])
+            arrives = connection.flush(robot_key(run, robot or "", "about"), BATCH_S_MAX)
+        send(connection, batch)
 
 
-def lots(messages: Outgoing) -> Iterator[Outgoing]:
+def batches(messages: Outgoing) -> Iterator[Outgoing]:
     """The messages in their order, cut where one follows on the same key and a lot is full."""
-    lot: Outgoing = []
+    batch: Outgoing = []
     length, before = 0, ""
     for key, payload in messages:
-        if key == before and length + len(payload) > LOT_BYTES_MAX:
-            yield lot
-            lot, length = [], 0
-        lot.append((key, payload))
+        if key == before and length + len(payload) > BATCH_BYTES_MAX:
+            yield batch
+            batch, length = [], 0
+        batch.append((key, payload))
         length, before = length + len(payload), key
-    if lot:
-        yield lot
+    if batch:
+        yield batch

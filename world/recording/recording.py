@@ -70,8 +70,8 @@ def decoded(kind: type[M], recording: Recording, tick: int, payload: bytes) -> M
 
 def recording_of(path: str | Path) -> Path:
     """The recording file of a run directory, or the file itself."""
-    place = Path(path)
-    return place / RECORDING if place.is_dir() else place
+    location = Path(path)
+    return location / RECORDING if location.is_dir() else location
 
 
 def read_metadata(metadata: Mapping[str, str]) -> tuple[Scenario, int, str]:

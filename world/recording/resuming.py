@@ -44,7 +44,7 @@ class Resumed(NamedTuple):
 
     core: WorldCore
     messages: list[Recorded]
-    briefings: dict[str, Outgoing]
+    histories: dict[str, Outgoing]
 
 
 @dataclass(slots=True)
@@ -108,18 +108,18 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
         check()
         tick = core.state.tick
         _play(core, rounds[tick], rounds.get(tick + 1, _Round()))
-        if core.state.tick == tick and core.broken is None:
+        if core.state.tick == tick and core.plugin_failure is None:
             raise RecordingError(
                 f"{recording.path}: not all that robots said at tick {tick} counts"
             )
-    core.settle()
+    core.commit()
     _check_same(recording, messages)
     if recording.complete and core.ended is not None:
         raise RecordingError(
             f"{recording.path}: this run has come to its end (tick {core.state.tick},"
             f" {core.ended}), there is nothing to go on with"
         )
-    return Resumed(core, messages, _briefings(core, messages))
+    return Resumed(core, messages, _histories(core, messages))
 
 
 def _play(core: WorldCore, now: _Round, then: _Round) -> None:
@@ -138,8 +138,8 @@ def _play(core: WorldCore, now: _Round, then: _Round) -> None:
     answered = [robot for robot in asked if robot in now.answers]
     early = [r for r in answered if r in lost_then and not _crashed(core, r, tick + 1)]
     for robot in (*early, *(r for r in answered if r not in early)):
-        for said in now.answers[robot]:
-            core.receive(*said)
+        for message in now.answers[robot]:
+            core.receive(*message)
         if robot in early:
             core.leave(robot, LOST_BEFORE)
     for robot in asked:
@@ -202,7 +202,7 @@ def _check_same(recording: Recording, messages: list[Recorded]) -> None:
             )
 
 
-def _briefings(core: WorldCore, messages: list[Recorded]) -> dict[str, Outgoing]:
+def _histories(core: WorldCore, messages: list[Recorded]) -> dict[str, Outgoing]:
     tick, again = core.state.tick, {key for key, _ in core.unanswered()}
     found: dict[str, Outgoing] = {robot: [] for robot in core.table.waiting()}
     for sent_tick, key, payload in messages:

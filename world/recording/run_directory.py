@@ -63,12 +63,12 @@ def set_aside(path: Path) -> None:
     """Keep what an attempt has left under other names, so that there is room for the next one."""
     for number in range(1, ATTEMPTS_MAX):
         kept = {path / name: path / _broken(name, number) for name in (RECORDING, SUMMARY)}
-        if any(place.exists() for place in kept.values()):
+        if any(backup.exists() for backup in kept.values()):
             continue
         try:
-            for name, place in kept.items():
+            for name, backup in kept.items():
                 if name.exists():
-                    name.rename(place)
+                    name.rename(backup)
         except OSError as error:
             raise RunDirectoryError(f"{path} cannot be used: {error.strerror}") from None
         return
@@ -78,7 +78,7 @@ def set_aside(path: Path) -> None:
 def attempts(path: Path) -> list[Path]:
     """The recordings of a run's directory: the last one, then those set aside."""
     kept = [path / RECORDING, *(path / _broken(RECORDING, k) for k in range(1, ATTEMPTS_MAX))]
-    return [place for place in kept if place.exists()]
+    return [backup for backup in kept if backup.exists()]
 
 
 def _broken(name: str, number: int) -> str:

@@ -189,11 +189,11 @@ def _parts(
 ) -> Parts[Part]:
     places = np.full((len(ids), len(ids)), -1)
     tables: dict[int, tuple[str, Part]] = {-1: (f"channel.{name}", base)}
-    for place, (link, table) in enumerate(zip(links, over, strict=True)):
+    for index, (link, table) in enumerate(zip(links, over, strict=True)):
         if table is not None:
-            places[between(link.sender, link.receiver, ids)] = place
-            tables[place] = (f"channel.links.{place}.{name}", table)
+            places[between(link.sender, link.receiver, ids)] = index
+            tables[index] = (f"channel.links.{index}.{name}", table)
     links_of_all = between(None, None, ids)
     return [
-        (key, links_of_all & (places == place), table) for place, (key, table) in tables.items()
+        (key, links_of_all & (places == index), table) for index, (key, table) in tables.items()
     ]

@@ -17,7 +17,7 @@ from encircle.world.scenario.fields import shown
 Path = tuple[str | int, ...]
 TEXT, WHOLE, NUMBER = "must be text", "must be a whole number", "must be a number"
 LIST, TABLE, TRUTH = "must be a list", "must be a table", "must be true or false"
-SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
+PROBLEM_TEXTS: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "string_type": TEXT,
     "string_sub_type": TEXT,
     "string_unicode": TEXT,
@@ -104,7 +104,7 @@ def _line(path: Path, value: Any, musts: Sequence[str]) -> str:
 
 
 def _sentence(one: Any) -> str:
-    found = SENTENCES.get(one["type"], OTHERWISE)
+    found = PROBLEM_TEXTS.get(one["type"], OTHERWISE)
     return found if isinstance(found, str) else found(one.get("ctx", {}))
 
 

@@ -18,7 +18,7 @@ from encircle.protocol.parameters import Problems
 from encircle.protocol.plugins import (
     TARGET,
     TARGETS,
-    BadAnswer,
+    InvalidPluginResult,
     PluginFailed,
     error_line,
     installed,
@@ -104,13 +104,13 @@ def straight(memory: Any, view: TargetView) -> tuple[Any, Point]:
 
 def patrol(memory: Any, view: TargetView, *, waypoints: Waypoints) -> tuple[Any, Point]:
     """From waypoint to waypoint, in m, round and round."""
-    place = memory or 0
-    gx, gy = waypoints[place % len(waypoints)]
+    waypoint_index = memory or 0
+    gx, gy = waypoints[waypoint_index % len(waypoints)]
     dx, dy = gx - view.position[0], gy - view.position[1]
     distance = hypot(dx, dy)
     if distance <= view.step_m_max:
-        return (place + 1) % len(waypoints), (dx, dy)
-    return place, _step(atan2(dy, dx), view.step_m_max)
+        return (waypoint_index + 1) % len(waypoints), (dx, dy)
+    return waypoint_index, _step(atan2(dy, dx), view.step_m_max)
 
 
 def still(_memory: Any, _view: TargetView) -> tuple[Any, Point]:
@@ -131,17 +131,17 @@ BUILT_IN: dict[str, Behaviour] = {
 def behaviour_named(name: str) -> Behaviour:
     """The behaviour of that name; ``ValueError`` lists the known ones.
 
-    ``PluginBroken`` if it is installed but cannot be loaded.
+    ``PluginLoadError`` if it is installed but cannot be loaded.
     """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    found = installed(TARGETS)
-    if name not in found:
-        known = ", ".join(sorted({*BUILT_IN, *found}))
+    plugins = installed(TARGETS)
+    if name not in plugins:
+        known = ", ".join(sorted({*BUILT_IN, *plugins}))
         raise ValueError(
-            f"unknown behaviour{did_you_mean(name, {*BUILT_IN, *found})}; known are: {known}"
+            f"unknown behaviour{did_you_mean(name, {*BUILT_IN, *plugins})}; known are: {known}"
         )
-    behaviour: Behaviour = found[name].load()
+    behaviour: Behaviour = plugins[name].load()
     return behaviour
 
 
@@ -152,7 +152,7 @@ def act(
     try:
         answer = behaviour_named(name)(memory, view, **parameters)
         if not isinstance(answer, tuple) or len(answer) != 2:
-            raise BadAnswer(f"{shown(answer)}: must be what it remembers, and a step")
+            raise InvalidPluginResult(f"{shown(answer)}: must be what it remembers, and a step")
         return answer[0], pair_of_m("step", answer[1])
     except (Exception, SystemExit) as error:
         raise PluginFailed(TARGETS, name, TARGET, view.tick, error) from error

@@ -19,7 +19,7 @@ from encircle.figures.drawing import COLOURS, DOTS_PER_INCH, MARKERS, WIDTH_IN
 from encircle.statistics.intervals import Interval
 from encircle.studies.charts.frames import (
     MAP,
-    Drawn,
+    DrawnFigure,
     Floats,
     add_legend,
     bars_of,
@@ -40,7 +40,7 @@ HEIGHT_IN = 2.5
 PLAIN = "0.35"
 
 
-def draw_age(summary: Summary) -> Drawn | None:
+def draw_age(summary: Summary) -> DrawnFigure | None:
     """The two scatter plots; None if the age is not measured or the same in all cells."""
     plan = summary.plan
     if AGE not in plan.columns:
@@ -69,7 +69,7 @@ def draw_age(summary: Summary) -> Drawn | None:
     both = bool(left.handles and right.handles)
     add_legend(figure, left, "left" if both else "center")
     add_legend(figure, right, "right" if both else "center")
-    return Drawn("age", figure, _caption(summary, shown, first, second), _alt(summary, shown))
+    return DrawnFigure("age", figure, _caption(summary, shown, first, second), _alt(summary, shown))
 
 
 def _age_s(summary: Summary, cell: Cell) -> Interval:
@@ -88,32 +88,32 @@ def _shown_by(plan: Plan) -> tuple[Axis, Axis | None]:
 
 def _style(plan: Plan, cell: Cell, first: Axis, second: Axis | None) -> dict[str, Any]:
     places = dict(zip((a.name for a in plan.all_axes), plan.cells[cell.cell], strict=True))
-    place = places[first.name]
-    style = _look(first, place)
+    index = places[first.name]
+    style = _look(first, index)
     if second is not None:
         style["marker"] = MARKERS[places[second.name]]
     return style
 
 
-def _look(first: Axis, place: int) -> dict[str, Any]:
+def _look(first: Axis, index: int) -> dict[str, Any]:
     if first.numeric:
-        shade = colour_scale(first)(first.shown_values[place] * first.scale)
+        shade = colour_scale(first)(first.shown_values[index] * first.scale)
         return {"color": matplotlib.colormaps[MAP](shade), "marker": MARKERS[0]}
     if len(first.levels) > NAMED_MAX:
         return {"color": COLOURS[0], "marker": MARKERS[0]}
     # The second round of colours has other markers than the first.
-    marker = MARKERS[(place + place // len(COLOURS)) % len(MARKERS)]
-    return {"color": COLOURS[place % len(COLOURS)], "marker": marker}
+    marker = MARKERS[(index + index // len(COLOURS)) % len(MARKERS)]
+    return {"color": COLOURS[index % len(COLOURS)], "marker": marker}
 
 
 def _colour_handles(first: Axis, second: Axis | None) -> list[Artist]:
     if first.numeric or len(first.levels) > NAMED_MAX:
         return []
-    found: list[Artist] = []
-    for place in range(len(first.levels)):
-        style = _look(first, place) | ({"marker": MARKERS[0]} if second is not None else {})
-        found.append(Line2D([], [], ls="", ms=5, **style, label=level_text(first, place)))
-    return found
+    handles: list[Artist] = []
+    for index in range(len(first.levels)):
+        style = _look(first, index) | ({"marker": MARKERS[0]} if second is not None else {})
+        handles.append(Line2D([], [], ls="", ms=5, **style, label=level_text(first, index)))
+    return handles
 
 
 def _marker_handles(second: Axis | None) -> list[Artist]:
@@ -121,9 +121,9 @@ def _marker_handles(second: Axis | None) -> list[Artist]:
         return []
     return [
         Line2D(
-            [], [], ls="", ms=5, color=PLAIN, marker=MARKERS[place], label=level_text(second, place)
+            [], [], ls="", ms=5, color=PLAIN, marker=MARKERS[index], label=level_text(second, index)
         )
-        for place in range(len(second.levels))
+        for index in range(len(second.levels))
     ]
 
 

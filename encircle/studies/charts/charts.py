@@ -12,7 +12,7 @@ import matplotlib
 
 from encircle.studies.charts.age import draw_age
 from encircle.studies.charts.differences import draw_differences
-from encircle.studies.charts.frames import COLUMN_IN, LOOK, Drawn, save_both
+from encircle.studies.charts.frames import COLUMN_IN, LOOK, DrawnFigure, save_both
 from encircle.studies.charts.lines import RATE, TIME, draw_against
 from encircle.studies.charts.maps import draw_maps
 from encircle.studies.charts.survival import draw_survival
@@ -45,7 +45,7 @@ def write_charts(summary: Summary, directory: Path) -> tuple[Chart, ...]:
     return tuple(charts)
 
 
-def charts_of(summary: Summary) -> Iterator[Drawn]:
+def charts_of(summary: Summary) -> Iterator[DrawnFigure]:
     """The figures, drawn one at a time in their order."""
     plan = summary.plan
     for axis in drawn_along(plan):

@@ -14,8 +14,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from encircle.figures.drawing import DOTS_PER_INCH, WIDTH_IN
-from encircle.statistics.comparisons import Decision, Difference
-from encircle.studies.charts.frames import TALL_IN, Drawn, add_legend, legend_of, line_handles, look
+from encircle.statistics.comparisons import Difference, Verdict
+from encircle.studies.charts.frames import (
+    TALL_IN,
+    DrawnFigure,
+    add_legend,
+    legend_of,
+    line_handles,
+    look,
+)
 from encircle.studies.charts.lines import limit_text
 from encircle.studies.charts.views import (
     evenly,
@@ -43,7 +50,7 @@ LABELS = {
 }
 
 
-def draw_differences(summary: Summary) -> Drawn | None:
+def draw_differences(summary: Summary) -> DrawnFigure | None:
     """Differences of every level from the baseline; None if nothing is compared.
 
     Settings of the other axes are groups of rows, levels their markers; without settings each level
@@ -82,7 +89,7 @@ def draw_differences(summary: Summary) -> Drawn | None:
         " differences in capture rate, in who captures later, and in mean time to capture;"
         f" {decided} of them decided in one or more."
     )
-    return Drawn("differences", figure, _caption(summary, axis, base, len(shown)), alt)
+    return DrawnFigure("differences", figure, _caption(summary, axis, base, len(shown)), alt)
 
 
 def _draw(
@@ -131,7 +138,7 @@ def _handles(axis: Axis, places: Sequence[int]) -> list[Artist]:
 
 
 def _decided(test: Difference) -> bool:
-    return test.decision is not Decision.UNDECIDED
+    return test.verdict is not Verdict.UNDECIDED
 
 
 def _draw_row(

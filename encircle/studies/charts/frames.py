@@ -53,7 +53,7 @@ LOOK: dict[Any, Any] = {
 Floats = NDArray[np.float64]
 
 
-class Drawn(NamedTuple):
+class DrawnFigure(NamedTuple):
     """A figure with the stem of its files, what is said under it, and what in place of it."""
 
     name: str
@@ -139,15 +139,15 @@ def fitted(axis: Axis, room_in: float) -> str:
 
 def outer_labels(panels: Sequence[Axes]) -> None:
     """Leave the labels of axes to the panels at the edge; above an empty place is an edge too."""
-    for place, axes in enumerate(panels):
+    for index, axes in enumerate(panels):
         spec = axes.get_subplotspec()
         assert spec is not None
         rows, columns = spec.get_gridspec().nrows, spec.get_gridspec().ncols
         if not spec.is_first_col():
             axes.set_ylabel("")
-        if place + columns < len(panels):
+        if index + columns < len(panels):
             axes.set_xlabel("")
-        elif place + columns < rows * columns:
+        elif index + columns < rows * columns:
             # What stands in the empty place below needs no room between the rows.
             axes.xaxis.set_in_layout(False)
             axes.tick_params(labelbottom=True)
@@ -170,12 +170,12 @@ def line_handles(axis: Axis | None, places: Sequence[int], joined: bool = True) 
     """Legend entries of lines, or of points that are not ``joined``; none for a single line."""
     if axis is None:
         return []
-    found: list[Artist] = []
-    for number, place in enumerate(places):
+    handles: list[Artist] = []
+    for number, index in enumerate(places):
         style = look(axis, number, len(places))
         style["ls"] = style["ls"] if joined else ""
-        found.append(Line2D([], [], **style, lw=1.1, ms=4, label=level_text(axis, place)))
-    return found
+        handles.append(Line2D([], [], **style, lw=1.1, ms=4, label=level_text(axis, index)))
+    return handles
 
 
 def draw_points(
@@ -203,7 +203,7 @@ def bars_of(bounds: Floats) -> Floats:
 
 def scaled(axis: Axis) -> Floats:
     """Levels of a numeric axis in the unit in which they are shown, ascending."""
-    return np.array([axis.shown_values[place] * axis.scale for place in ordered(axis)])
+    return np.array([axis.shown_values[index] * axis.scale for index in ordered(axis)])
 
 
 def is_log(values: Floats) -> bool:
@@ -240,7 +240,7 @@ def set_scale(axes: Axes, values: Floats) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10], integer=whole))
 
 
-def save_both(drawn: Drawn, directory: Path) -> None:
+def save_both(drawn: DrawnFigure, directory: Path) -> None:
     """Write a figure as PNG and PDF; the same figure gives the same bytes."""
     FigureCanvasAgg(drawn.figure)
     drawn.figure.savefig(directory / f"{drawn.name}.png", format="png")

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from encircle.statistics.intervals import Interval
 from encircle.studies.charts.frames import (
     TALL_IN,
-    Drawn,
+    DrawnFigure,
     Floats,
     beside,
     draw_points,
@@ -25,7 +25,15 @@ from encircle.studies.charts.frames import (
     scaled,
     set_scale,
 )
-from encircle.studies.charts.views import View, evenly, label, level_text, ordered, view, wrapped
+from encircle.studies.charts.views import (
+    FigureLayout,
+    evenly,
+    figure_layout,
+    label,
+    level_text,
+    ordered,
+    wrapped,
+)
 from encircle.studies.plan import Axis
 from encircle.studies.summary import Cell, Summary
 
@@ -68,9 +76,9 @@ TIME = Quantity(
 )
 
 
-def draw_against(summary: Summary, along: Axis, quantity: Quantity) -> Drawn:
+def draw_against(summary: Summary, along: Axis, quantity: Quantity) -> DrawnFigure:
     """A quantity against an axis, a line for each level of another, a panel for each setting."""
-    shape = view(summary.plan, along)
+    shape = figure_layout(summary.plan, along)
     count = len(shape.places)
     rows, names, high_in = _rows(along, count)
     if along.numeric:
@@ -85,7 +93,7 @@ def draw_against(summary: Summary, along: Axis, quantity: Quantity) -> Drawn:
     width_in = panels[0].bbox.width / figure.dpi
     for axes, setting in zip(panels, shape.settings, strict=True):
         for number, line in enumerate(shape.places):
-            cells = [summary.cells[shape.cell(setting, line, place)] for place in rows]
+            cells = [summary.cells[shape.cell(setting, line, index)] for index in rows]
             at = _at(along, len(rows), number, count)
             style = look(shape.lines, number, count)
             draw_points(axes, at, [quantity.interval(cell) for cell in cells], style, along.numeric)
@@ -101,7 +109,7 @@ def draw_against(summary: Summary, along: Axis, quantity: Quantity) -> Drawn:
     outer_labels(panels)
     stem = f"{quantity.stem}-by-{along.name}"
     caption = _caption(summary, shape, along, quantity, len(rows))
-    return Drawn(stem, figure, caption, _alt(summary, shape, along, quantity))
+    return DrawnFigure(stem, figure, caption, _alt(summary, shape, along, quantity))
 
 
 def _rows(along: Axis, count: int) -> tuple[tuple[int, ...], list[str], float]:
@@ -109,11 +117,11 @@ def _rows(along: Axis, count: int) -> tuple[tuple[int, ...], list[str], float]:
     every = ordered(along)
     if along.numeric:
         return every, [], 0.0
-    names = [wrapped(level_text(along, place), NAME_COLUMNS) for place in every]
+    names = [wrapped(level_text(along, index), NAME_COLUMNS) for index in every]
     lines = max(1 + name.count("\n") for name in names)
     row_in = max(POINT_IN * count, NAME_LINE_IN * lines) + NAME_GAP_IN
     chosen = evenly(len(every), int(TALL_IN / row_in))
-    return chosen, [names[place] for place in chosen], row_in * len(chosen) + 0.25
+    return chosen, [names[index] for index in chosen], row_in * len(chosen) + 0.25
 
 
 def _at(along: Axis, rows: int, number: int, count: int) -> Floats:
@@ -163,7 +171,9 @@ def runs_text(summary: Summary) -> str:
     return f"{runs} run{'s' * (runs != 1)}"
 
 
-def _caption(summary: Summary, shape: View, along: Axis, quantity: Quantity, rows: int) -> str:
+def _caption(
+    summary: Summary, shape: FigureLayout, along: Axis, quantity: Quantity, rows: int
+) -> str:
     words = quantity.words[0].upper() + quantity.words[1:]
     parts = [f"{words} against {label(along)}{shape.spread}."]
     bars = quantity.bars
@@ -179,7 +189,7 @@ def _caption(summary: Summary, shape: View, along: Axis, quantity: Quantity, row
     return " ".join([*parts, shape.left_out]).strip()
 
 
-def _alt(summary: Summary, shape: View, along: Axis, quantity: Quantity) -> str:
+def _alt(summary: Summary, shape: FigureLayout, along: Axis, quantity: Quantity) -> str:
     values = [quantity.interval(cell).value for cell in summary.cells]
     unit = "%" if quantity is RATE else "s"
     return (

@@ -16,10 +16,10 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
 from encircle.figures.drawing import DOTS_PER_INCH, WIDTH_IN
-from encircle.studies.charts.frames import COLUMN_IN, LETTER_IN, MAP, Drawn, Floats, fitted
+from encircle.studies.charts.frames import COLUMN_IN, LETTER_IN, MAP, DrawnFigure, Floats, fitted
 from encircle.studies.charts.lines import RATE, TIME, Quantity, limit_text, runs_text, span
 from encircle.studies.charts.views import (
-    Places,
+    LevelIndices,
     cell_at,
     evenly,
     held_text,
@@ -46,7 +46,7 @@ class _Grid(NamedTuple):
 
     along: Axis
     up: Axis
-    setting: Places
+    setting: LevelIndices
     cells: Sequence[Sequence[Cell]]
 
     def values(self, quantity: Quantity) -> Floats:
@@ -54,7 +54,7 @@ class _Grid(NamedTuple):
         return np.array([[quantity.interval(cell).value for cell in row] for row in self.cells])
 
 
-def draw_maps(summary: Summary) -> Iterator[Drawn]:
+def draw_maps(summary: Summary) -> Iterator[DrawnFigure]:
     """Maps for each setting of the other axes, over the first two axes that allow it."""
     axes = summary.plan.all_axes
     pair = [axis for axis in axes if axis.numeric and len(axis.levels) >= LEVELS_MIN][:2]
@@ -62,17 +62,17 @@ def draw_maps(summary: Summary) -> Iterator[Drawn]:
         return
     settings = settings_of([axis for axis in axes if axis not in pair])
     grids = [_grid(summary, pair[0], pair[1], setting) for setting in settings]
-    shown = [(grid, found) for grid in grids if (found := _not_uniform(grid))]
+    shown = [(grid, varying) for grid in grids if (varying := _not_uniform(grid))]
     chosen = evenly(len(shown), MAPS_MAX)
-    told = f" {len(chosen)} of {len(settings)} settings are shown."
+    remark = f" {len(chosen)} of {len(settings)} settings are shown."
     for number, place in enumerate(chosen, start=1):
         name = "map" if len(chosen) == 1 else f"map-{number}"
         drawn = _draw(summary, *shown[place], name)
-        left_out = told if len(chosen) < len(settings) else ""
+        left_out = remark if len(chosen) < len(settings) else ""
         yield drawn._replace(caption=drawn.caption + left_out)
 
 
-def _grid(summary: Summary, along: Axis, up: Axis, setting: Places) -> _Grid:
+def _grid(summary: Summary, along: Axis, up: Axis, setting: LevelIndices) -> _Grid:
     cells = [
         [
             summary.cells[cell_at(summary.plan, {**setting, along.name: x, up.name: y})]
@@ -88,7 +88,7 @@ def _not_uniform(grid: _Grid) -> list[Quantity]:
     return [quantity for quantity in (RATE, TIME) if np.ptp(grid.values(quantity)) > 0.0]
 
 
-def _draw(summary: Summary, grid: _Grid, quantities: Sequence[Quantity], name: str) -> Drawn:
+def _draw(summary: Summary, grid: _Grid, quantities: Sequence[Quantity], name: str) -> DrawnFigure:
     along, up = grid.along, grid.up
     stacked = len(along.levels) > BESIDE_MAX
     map_in = min(max(ROW_IN * len(up.levels), MAP_IN_MIN), MAP_IN_MAX)
@@ -115,7 +115,7 @@ def _draw(summary: Summary, grid: _Grid, quantities: Sequence[Quantity], name: s
     caption = _caption(summary, grid, quantities) + (
         "" if all(printed) else " The numbers are in the table of cells."
     )
-    return Drawn(name, figure, caption, _alt(summary, grid, quantities))
+    return DrawnFigure(name, figure, caption, _alt(summary, grid, quantities))
 
 
 def _over(summary: Summary, grid: _Grid, names: Callable[[Axis], str]) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from encircle.studies.charts.frames import Drawn, frame, line_handles, look, outer_labels
+from encircle.studies.charts.frames import DrawnFigure, frame, line_handles, look, outer_labels
 from encircle.studies.charts.lines import (
     PANEL_IN,
     PANEL_IN_SMALL,
@@ -22,7 +22,7 @@ from encircle.studies.charts.lines import (
     runs_text,
     span,
 )
-from encircle.studies.charts.views import View, view
+from encircle.studies.charts.views import FigureLayout, figure_layout
 from encircle.studies.summary import Summary
 
 STROKE: dict[str, Any] = {"ls": "", "marker": "|", "ms": 7, "mew": 1.2}
@@ -32,9 +32,9 @@ CUT_BELOW = 0.5
 BAND_ALPHA, BAND_ALPHA_MANY, MANY = 0.16, 0.1, 3
 
 
-def draw_survival(summary: Summary) -> Drawn:
+def draw_survival(summary: Summary) -> DrawnFigure:
     """A curve for each level of the compared axis, or of the first, a panel for each setting."""
-    shape = view(summary.plan)
+    shape = figure_layout(summary.plan)
     single = len(shape.settings) == 1
     handles = line_handles(shape.lines, shape.places)
     for handle, line in zip(handles, shape.places, strict=False):
@@ -57,7 +57,7 @@ def draw_survival(summary: Summary) -> Drawn:
     # Shared by all panels.
     panels[0].set_xlim(0.0, ROOM * end_s)
     outer_labels(panels)
-    told = f" {_outcome(summary, shape, 0)}." if shape.lines is None else ""
+    remark = f" {_outcome(summary, shape, 0)}." if shape.lines is None else ""
     limit = f"at the limit, {limit_text(summary)}"
     strokes = f" Strokes: runs end there without capture, {limit}."
     if cut:
@@ -67,7 +67,7 @@ def draw_survival(summary: Summary) -> Drawn:
     strokes = "" if summary.captured.all() else strokes
     caption = (
         f"Share of runs whose target is still free (Kaplan-Meier){shape.spread};"
-        f" {runs_text(summary)} per curve.{told} Bands: pointwise 95 % intervals.{strokes}"
+        f" {runs_text(summary)} per curve.{remark} Bands: pointwise 95 % intervals.{strokes}"
         f" {shape.left_out}"
     )
     free = [100.0 * cell.survival.share[-1] for cell in summary.cells]
@@ -75,7 +75,7 @@ def draw_survival(summary: Summary) -> Drawn:
         f"Survival curves{shape.spread}: at the end {span(free)} % of targets are still free, over"
         " all cells."
     )
-    return Drawn("survival", figure, caption.strip(), alt)
+    return DrawnFigure("survival", figure, caption.strip(), alt)
 
 
 def _end_s(summary: Summary, cells: Sequence[int]) -> tuple[float, bool]:
@@ -87,13 +87,13 @@ def _end_s(summary: Summary, cells: Sequence[int]) -> tuple[float, bool]:
     return (last_s if cut else longest_s), cut
 
 
-def _outcome(summary: Summary, shape: View, line: int) -> str:
+def _outcome(summary: Summary, shape: FigureLayout, line: int) -> str:
     flags = summary.captured[shape.cell(shape.settings[0], line)]
     return f"{int(flags.sum())} of {flags.size} captured"
 
 
 def _draw_curve(
-    axes: Axes, summary: Summary, cell: int, shape: View, number: int, end_s: float
+    axes: Axes, summary: Summary, cell: int, shape: FigureLayout, number: int, end_s: float
 ) -> None:
     curve, tick_s = summary.cells[cell].survival, summary.tick_s[cell]
     style = {**look(shape.lines, number, len(shape.places)), "marker": ""}

@@ -19,11 +19,11 @@ LABEL_MAX = 30
 CUT = "\N{HORIZONTAL ELLIPSIS}"
 UNBROKEN, UNBROKEN_MAX = "\N{NO-BREAK SPACE}", 24
 
-Places = Mapping[str, int]
+LevelIndices = Mapping[str, int]
 
 
 @dataclass(frozen=True)
-class View:
+class FigureLayout:
     """Cells of a figure. ``lines``: the axis with a line per level, shown at ``places``.
 
     ``settings``: places of the levels of all axes but ``lines`` and ``along``, one for each panel.
@@ -34,19 +34,19 @@ class View:
     along: Axis | None
     lines: Axis | None
     places: tuple[int, ...]
-    settings: tuple[Places, ...]
+    settings: tuple[LevelIndices, ...]
     left_out: str
 
-    def cell(self, setting: Places, line: int, place: int = 0) -> int:
+    def cell(self, setting: LevelIndices, line: int, index: int = 0) -> int:
         """The cell of a panel and line, and of a place along the axis if there is one."""
         chosen = dict(setting)
         if self.lines is not None:
             chosen[self.lines.name] = line
         if self.along is not None:
-            chosen[self.along.name] = place
+            chosen[self.along.name] = index
         return cell_at(self.plan, chosen)
 
-    def title(self, setting: Places) -> str:
+    def title(self, setting: LevelIndices) -> str:
         """What a panel holds fixed, empty if that is nothing."""
         return held_text(self.plan, setting)
 
@@ -60,7 +60,7 @@ class View:
         return f"{lines}; panels by {' and '.join(map(label, held))}"
 
 
-def view(plan: Plan, along: Axis | None = None) -> View:
+def figure_layout(plan: Plan, along: Axis | None = None) -> FigureLayout:
     """Spread cells over lines and panels; the compared axis makes the lines, else the first."""
     free = [axis for axis in varied(plan) if axis is not along]
     lines = plan.compared if plan.compared in free else (free[0] if free else None)
@@ -68,17 +68,17 @@ def view(plan: Plan, along: Axis | None = None) -> View:
     every = settings_of(rest)
     settings = tuple(every[k] for k in evenly(len(every), PANELS_MAX))
     places = evenly_of(ordered(lines), LINES_MAX) if lines is not None else (0,)
-    told = []
+    omitted = []
     if lines is not None and len(places) < len(lines.levels):
-        told.append(f"{len(places)} of {len(lines.levels)} levels of {label(lines)}")
+        omitted.append(f"{len(places)} of {len(lines.levels)} levels of {label(lines)}")
         if lines.numeric:  # names are in the legend, and may be long
-            shown = ", ".join(level_text(lines, place) for place in places)
-            told[-1] += f" ({shown}{f' {lines.unit}' if lines.unit else ''})"
+            shown = ", ".join(level_text(lines, index) for index in places)
+            omitted[-1] += f" ({shown}{f' {lines.unit}' if lines.unit else ''})"
     if len(settings) < len(every):
         names = " and ".join(label(axis) for axis in rest if len(axis.levels) > 1)
-        told.append(f"{len(settings)} of {len(every)} settings of {names}")
-    left_out = f"Shown are {' and '.join(told)}." if told else ""
-    return View(plan, along, lines, places, settings, left_out)
+        omitted.append(f"{len(settings)} of {len(every)} settings of {names}")
+    left_out = f"Shown are {' and '.join(omitted)}." if omitted else ""
+    return FigureLayout(plan, along, lines, places, settings, left_out)
 
 
 def varied(plan: Plan) -> list[Axis]:
@@ -86,7 +86,7 @@ def varied(plan: Plan) -> list[Axis]:
     return [axis for axis in plan.all_axes if len(axis.levels) > 1]
 
 
-def cell_at(plan: Plan, places: Places) -> int:
+def cell_at(plan: Plan, places: LevelIndices) -> int:
     """The cell at places of levels by axis; axes without one are at their first level."""
     number = 0
     for axis in plan.all_axes:
@@ -119,12 +119,12 @@ def label(axis: Axis) -> str:
     return axis.label or axis.name.replace("_", " ")
 
 
-def level_text(axis: Axis, place: int, named: bool = False) -> str:
+def level_text(axis: Axis, index: int, named: bool = False) -> str:
     """A level as a person reads it; ``named``: with the axis' label and unit.
 
     An axis with a label too long for that goes by its name.
     """
-    text = axis.shown(axis.column(place))
+    text = axis.shown(axis.column(index))
     if not named:
         return text
     called = label(axis) if len(label(axis)) <= LABEL_MAX else axis.name
@@ -132,7 +132,7 @@ def level_text(axis: Axis, place: int, named: bool = False) -> str:
     return text.replace(" ", UNBROKEN) if len(text) <= UNBROKEN_MAX else text
 
 
-def held_text(plan: Plan, places: Places) -> str:
+def held_text(plan: Plan, places: LevelIndices) -> str:
     """The levels at some places, of axes that vary, in words."""
     return ", ".join(
         level_text(axis, places[axis.name], named=True)

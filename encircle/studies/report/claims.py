@@ -10,21 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from encircle.statistics.comparisons import Decision, Difference
+from encircle.statistics.comparisons import Difference, Verdict
 from encircle.statistics.intervals import Interval
 from encircle.studies.plan import Axis, Plan
-from encircle.studies.summary import Comparison, Overall, Summary, Tolerated
+from encircle.studies.summary import Comparison, Overall, Summary, Tolerance
 
 NAMED_MAX = 4
 WORDS = {
-    "rate": {Decision.HIGHER: "capture rate higher", Decision.LOWER: "capture rate lower"},
+    "rate": {Verdict.HIGHER: "capture rate higher", Verdict.LOWER: "capture rate lower"},
     "order": {
-        Decision.HIGHER: "captured later in more seeds",
-        Decision.LOWER: "captured earlier in more seeds",
+        Verdict.HIGHER: "captured later in more seeds",
+        Verdict.LOWER: "captured earlier in more seeds",
     },
     "time_s": {
-        Decision.HIGHER: "mean time to capture higher",
-        Decision.LOWER: "mean time to capture lower",
+        Verdict.HIGHER: "mean time to capture higher",
+        Verdict.LOWER: "mean time to capture lower",
     },
 }
 """What is said of each claim of a comparison where it is decided."""
@@ -35,20 +35,20 @@ NOUNS = {
 }
 
 
-def findings(summary: Summary) -> list[str]:
+def summary_sentences(summary: Summary) -> list[str]:
     """The sentences of a study: its range, and one for each axis and each comparison."""
     plan = summary.plan
-    found = [range_text(summary)]
-    found += [tolerance_text(plan, ones) for ones in by_axis(summary)]
+    sentences = [range_text(summary)]
+    sentences += [tolerance_text(plan, ones) for ones in by_axis(summary)]
     for ones, over in by_level(summary):
         if over is None:
-            found += [_comparison(plan, one) for one in ones]
+            sentences += [_comparison(plan, one) for one in ones]
         else:
-            found.append(f"{_overall(plan, over)} {settings_text(plan, ones)}")
-    return found
+            sentences.append(f"{_overall(plan, over)} {settings_text(plan, ones)}")
+    return sentences
 
 
-def by_axis(summary: Summary) -> list[tuple[Tolerated, ...]]:
+def by_axis(summary: Summary) -> list[tuple[Tolerance, ...]]:
     """What is tolerated, together for each axis."""
     names = dict.fromkeys(one.axis for one in summary.tolerated)
     return [tuple(one for one in summary.tolerated if one.axis == name) for name in names]
@@ -86,7 +86,7 @@ def range_text(summary: Summary) -> str:
     return f"The capture rate goes from {low} to {high}, {runs} each."
 
 
-def tolerance_text(plan: Plan, ones: Sequence[Tolerated]) -> str:
+def tolerance_text(plan: Plan, ones: Sequence[Tolerance]) -> str:
     """How far capture holds along an axis, in one setting or in several: a sentence."""
     axis = axis_of(plan, ones[0])
     if len(ones) == 1:
@@ -98,7 +98,7 @@ def tolerance_text(plan: Plan, ones: Sequence[Tolerated]) -> str:
     return f"{holds} {_span(axis, ones)} of {len(ones)} settings."
 
 
-def _held(axis: Axis, one: Tolerated) -> str:
+def _held(axis: Axis, one: Tolerance) -> str:
     value, low, high = one.level
     if np.isnan(value):
         return f"not even at the first level{_sure_below(axis, high)}"
@@ -109,7 +109,7 @@ def _held(axis: Axis, one: Tolerated) -> str:
     return f"up to {_place(axis, value)} {bounds_text(axis, one.level)}"
 
 
-def _span(axis: Axis, ones: Sequence[Tolerated]) -> str:
+def _span(axis: Axis, ones: Sequence[Tolerance]) -> str:
     """From where to where capture holds in many settings."""
     failing = sum(bool(np.isnan(one.level.value)) for one in ones)
     rising = sum(one.rising for one in ones)
@@ -128,12 +128,12 @@ def _span(axis: Axis, ones: Sequence[Tolerated]) -> str:
     return ", ".join(parts)
 
 
-def axis_of(plan: Plan, one: Tolerated) -> Axis:
+def axis_of(plan: Plan, one: Tolerance) -> Axis:
     """The axis along which something is tolerated."""
     return next(axis for axis in plan.all_axes if axis.name == one.axis)
 
 
-def _tolerance(plan: Plan, one: Tolerated) -> str:
+def _tolerance(plan: Plan, one: Tolerance) -> str:
     axis = axis_of(plan, one)
     at = _at(plan, one.others)
     rate = f"{100 * plan.tolerated_rate:g} %"
@@ -203,7 +203,7 @@ def _difference(plan: Plan, one: Comparison | Overall, where: str) -> str:
 
 def _claim(what: str, test: Difference, scale: float, unit: str) -> str:
     """What is decided of a difference, with its interval and both p."""
-    word = "the same with every seed" if test.ties == test.pairs else str(test.decision)
+    word = "the same with every seed" if test.ties == test.pairs else str(test.verdict)
     return f"{what} {word}{_alone(test)} ({test.mean.signed(scale)} {unit}{_p(test)})"
 
 
@@ -211,38 +211,38 @@ def settings_text(plan: Plan, ones: Sequence[Comparison]) -> str:
     """Where a level differs from the baseline, for each claim, in one sentence."""
     if not any(decided(_test(one, claim)) for one in ones for claim in WORDS):
         return f"Of the {len(ones)} settings none is decided."
-    told = [_where_decided(plan, ones, claim) for claim in WORDS]
-    return f"Of the {len(ones)} settings: {'; '.join(told)}."
+    clauses = [_where_decided(plan, ones, claim) for claim in WORDS]
+    return f"Of the {len(ones)} settings: {'; '.join(clauses)}."
 
 
 def _where_decided(plan: Plan, ones: Sequence[Comparison], claim: str) -> str:
-    found = []
-    for decision, words in WORDS[claim].items():
+    sentences = []
+    for verdict, words in WORDS[claim].items():
         where = [
-            where_text(plan, one.others) for one in ones if _test(one, claim).decision is decision
+            where_text(plan, one.others) for one in ones if _test(one, claim).verdict is verdict
         ]
         if where:
             more = len(where) - NAMED_MAX
             rest = f" and {more} more" if more > 0 else ""
-            found.append(f"{words} at {'; '.join(where[:NAMED_MAX])}{rest}")
-    return ", ".join(found) or f"{NOUNS[claim]} undecided in all"
+            sentences.append(f"{words} at {'; '.join(where[:NAMED_MAX])}{rest}")
+    return ", ".join(sentences) or f"{NOUNS[claim]} undecided in all"
 
 
-def verdict(one: Comparison | Overall) -> str:
+def verdict_text(one: Comparison | Overall) -> str:
     """What is decided of a comparison, in a few words."""
     tests = {claim: _test(one, claim) for claim in WORDS}
-    found = [WORDS[claim][test.decision] for claim, test in tests.items() if decided(test)]
-    if found:
-        return "; ".join(found)
+    sentences = [WORDS[claim][test.verdict] for claim, test in tests.items() if decided(test)]
+    if sentences:
+        return "; ".join(sentences)
     if all(test.ties == test.pairs for test in tests.values()):
         return "the same with every seed"
-    alone = any(test.decision_alone is not Decision.UNDECIDED for test in tests.values())
+    alone = any(test.verdict_alone is not Verdict.UNDECIDED for test in tests.values())
     return "undecided after correction" if alone else "undecided"
 
 
 def decided(test: Difference) -> bool:
     """Whether a difference is said to be one."""
-    return test.decision is not Decision.UNDECIDED
+    return test.verdict is not Verdict.UNDECIDED
 
 
 def _test(one: Comparison | Overall, claim: str) -> Difference:
@@ -252,14 +252,14 @@ def _test(one: Comparison | Overall, claim: str) -> Difference:
 
 def _order(test: Difference) -> str:
     """Whether one level captures later in more seeds than it does earlier."""
-    word = WORDS["order"].get(test.decision, "captured later or earlier undecided")
+    word = WORDS["order"].get(test.verdict, "captured later or earlier undecided")
     counts = f"later in {test.worse}, earlier in {test.better} of {test.pairs}"
     return f"{word}{_alone(test)} ({counts}, {test.mean.signed(100.0)} points{_p(test)})"
 
 
 def _alone(test: Difference) -> str:
-    undecided = test.decision is Decision.UNDECIDED
-    alone = test.decision_alone is not Decision.UNDECIDED
+    undecided = test.verdict is Verdict.UNDECIDED
+    alone = test.verdict_alone is not Verdict.UNDECIDED
     return " after correction" if undecided and alone else ""
 
 

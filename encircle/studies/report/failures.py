@@ -1,11 +1,11 @@
 """Runs of a study that failed: what its report and its last line say of them."""
 
-from encircle.studies.one_run import FAILED
 from encircle.studies.plan import Plan
 from encircle.studies.report import page
 from encircle.studies.report.claims import where_text
 from encircle.studies.report.tables import NONE, many
 from encircle.studies.table import TABLE, StudyTable
+from encircle.studies.tasks import FAILED
 
 FAILURES_MAX = 100
 
@@ -30,11 +30,11 @@ def failures(plan: Plan, table: StudyTable) -> list[str]:
 def failures_text(table: StudyTable) -> str:
     """How many runs failed, and what was done about it, in a line."""
     count, left, seeds = int(table.failed.sum()), len(table.whole_seeds), table.failed.shape[1]
-    told = f"{count} of {table.failed.size} runs failed"
+    text = f"{count} of {table.failed.size} runs failed"
     if not left:
-        return f"{told}, at least one with every seed: there is nothing to compare."
+        return f"{text}, at least one with every seed: there is nothing to compare."
     return (
-        f"{told}. The {many(seeds - left, 'seed')} with which a run failed"
+        f"{text}. The {many(seeds - left, 'seed')} with which a run failed"
         f" {'are' if seeds - left > 1 else 'is'} left out of every cell, so that all have the same"
         f" {left}; if failures have to do with how hard a hunt is, what is left is no fair sample."
     )

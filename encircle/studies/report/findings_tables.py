@@ -15,7 +15,7 @@ from encircle.studies.report.claims import (
     range_text,
     settings_text,
     tolerance_text,
-    verdict,
+    verdict_text,
 )
 from encircle.studies.report.tables import cut_text, interval_text, many, tested_text
 from encircle.studies.summary import Comparison, Overall, Summary
@@ -35,13 +35,13 @@ DIFFERENCES = (
 def findings_of(summary: Summary) -> list[str]:
     """Everything that is said to be found, as parts of a page."""
     tolerated = [tolerance_text(summary.plan, ones) for ones in by_axis(summary)]
-    found = [page.bullets([range_text(summary), *tolerated])]
+    parts = [page.bullets([range_text(summary), *tolerated])]
     groups = [_comparisons(summary, *group) for group in by_level(summary)]
-    found += [part for group in groups[:GROUPS_SHOWN] for part in group]
+    parts += [part for group in groups[:GROUPS_SHOWN] for part in group]
     if rest := groups[GROUPS_SHOWN:]:
         told = f"{many(len(rest), 'more comparison')}"
-        found.append(page.folded(told, [part for group in rest for part in group]))
-    return found
+        parts.append(page.folded(told, [part for group in rest for part in group]))
+    return parts
 
 
 def _comparisons(summary: Summary, ones: Sequence[Comparison], over: Overall | None) -> list[str]:
@@ -55,7 +55,7 @@ def _comparisons(summary: Summary, ones: Sequence[Comparison], over: Overall | N
     if over is None:
         heading, named = f"{label(axis)} against {baseline}", [axis]
         rows = [(axis.shown(one.level), *_row(one)) for one in ones[:ROWS_MAX]]
-        found = [page.heading(heading, 3)]
+        parts = [page.heading(heading, 3)]
     else:
         heading = f"{f'{axis.shown(over.level)} {axis.unit}'.rstrip()} against {baseline}"
         named = [other for other in varied(plan) if other is not axis]
@@ -64,7 +64,7 @@ def _comparisons(summary: Summary, ones: Sequence[Comparison], over: Overall | N
             (*(other.shown(one.others[other.name]) for other in named), *_row(one))
             for one in ones[:ROWS_MAX]
         ]
-        found = [page.heading(heading, 3), page.paragraph(settings_text(plan, ones))]
+        parts = [page.heading(heading, 3), page.paragraph(settings_text(plan, ones))]
     caption = (
         f"{heading}: differences on {many(ones[0].rate.pairs, 'common seed')},"
         f" {baseline} subtracted; p corrected, in brackets uncorrected"
@@ -72,7 +72,7 @@ def _comparisons(summary: Summary, ones: Sequence[Comparison], over: Overall | N
     )
     head = [*(other.title for other in named), *DIFFERENCES]
     return [
-        *found,
+        *parts,
         _folded(heading, page.table(caption, head, rows, len(named), told=1), len(rows)),
     ]
 
@@ -86,7 +86,7 @@ def _row(one: Comparison | Overall) -> tuple[str, ...]:
         tested_text(order),
         interval_text(time_s.mean, "+z.1f"),
         tested_text(time_s),
-        verdict(one),
+        verdict_text(one),
     )
 
 

@@ -72,18 +72,18 @@ def _opening(plan: Plan, date: str) -> list[str]:
         f"Study {plan.name}: {many(cells, 'cell')}, {many(seeds, 'seed')} each,"
         f" {many(plan.runs, 'run')}." + (f" {date}" if date else "")
     )
-    found = [page.heading(plan.title or plan.name, 1), page.paragraph(told, "soft")]
+    parts = [page.heading(plan.title or plan.name, 1), page.paragraph(told, "soft")]
     if plan.question:
-        found += [page.heading("Question"), page.paragraph(plan.question)]
-    return found
+        parts += [page.heading("Question"), page.paragraph(plan.question)]
+    return parts
 
 
 def _findings(summary: Summary) -> list[str]:
-    found = [page.heading("Findings"), *findings_of(summary)]
+    parts = [page.heading("Findings"), *findings_of(summary)]
     note = "In brackets: 95 % intervals, each for itself."
     if summary.comparisons:
         note += f" {correction(summary)}"
-    return [*found, page.paragraph(note, "soft")]
+    return [*parts, page.paragraph(note, "soft")]
 
 
 def correction(summary: Summary) -> str:
@@ -101,16 +101,16 @@ def correction(summary: Summary) -> str:
 def _set_up(plan: Plan, shown_plan: Plan) -> list[str]:
     tree = plan.scenario_of(0).model_dump(mode="json", exclude={"seed"})
     which = "The scenario, all axes at their first level" if plan.all_axes else "The scenario"
-    found = [page.heading("Set-up")]
+    parts = [page.heading("Set-up")]
     if plan.all_axes:
         axes = ("Axis", "Key", "Levels")
-        found.append(page.table("What is varied", axes, axis_rows(plan, shown_plan), kind="words"))
-    found.append(page.table(which, ("What", "How it is"), set_up(plan), kind="words"))
+        parts.append(page.table("What is varied", axes, axis_rows(plan, shown_plan), kind="words"))
+    parts.append(page.table(which, ("What", "How it is"), set_up(plan), kind="words"))
     shown = _shortened(tree)
     cut = f"; {OWNER} has the lists that are cut short" if shown != tree else ""
     text = json.dumps(shown, indent=2, ensure_ascii=False)
     told = f"{which}, in full, defaults included{cut}"
-    return [*found, page.folded(told, [page.preformatted(text)])]
+    return [*parts, page.folded(told, [page.preformatted(text)])]
 
 
 def _shortened(tree: Any) -> Any:

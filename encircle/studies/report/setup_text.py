@@ -52,7 +52,7 @@ def set_up(plan: Plan) -> list[tuple[str, str]]:
         ),
         ("Obstacles", str(len(scenario.obstacles)) if scenario.obstacles else "none", ("obst",)),
         ("Radio", _radio(scenario), ("channel",)),
-        ("Events", "; ".join(map(_told, scenario.events)) or "none", ("events",)),
+        ("Events", "; ".join(map(_value_text, scenario.events)) or "none", ("events",)),
         (
             "Capture",
             f"{scenario.capture_count} robots within {scenario.capture.stop_distance_m:g} m of the"
@@ -63,8 +63,8 @@ def set_up(plan: Plan) -> list[tuple[str, str]]:
     ]
     if scenario.robot:
         rows.append(("Robots' parameters", _items(scenario.robot), ("robot.",)))
-    found = [(name, text + _varied(plan, keys)) for name, text, keys in rows]
-    return [*found, ("Seeds", f"{seeds_text(plan.seed_list)}, the same in every cell")]
+    text_rows = [(name, text + _varied(plan, keys)) for name, text, keys in rows]
+    return [*text_rows, ("Seeds", f"{seeds_text(plan.seed_list)}, the same in every cell")]
 
 
 def seeds_text(seeds: Sequence[int]) -> str:
@@ -99,7 +99,7 @@ def _keys(axis: Axis) -> str:
 
 def _levels(axis: Axis) -> str:
     if axis.arms is None:
-        return ", ".join(level_text(axis, place) for place in range(len(axis.levels)))
+        return ", ".join(level_text(axis, index) for index in range(len(axis.levels)))
     return "; ".join(f"{arm.name}: {_items(arm.set) or 'nothing set'}" for arm in axis.arms)
 
 
@@ -110,8 +110,8 @@ def _varied(plan: Plan, beginnings: tuple[str, ...]) -> str:
         if len(axis.levels) > 1
         and any(
             key.startswith(beginnings)
-            for place in range(len(axis.levels))
-            for key in axis.changes(place)
+            for index in range(len(axis.levels))
+            for key in axis.changes(index)
         )
     ]
     return f" [varied: {', '.join(names)}]" if names else ""
@@ -137,13 +137,13 @@ def _radio(scenario: Scenario) -> str:
     for name in type(channel).model_fields:
         value = getattr(channel, name)
         if value != getattr(perfect, name):
-            parts.append(f"{name.replace('_', ' ')} {_told(value)}")
+            parts.append(f"{name.replace('_', ' ')} {_value_text(value)}")
         elif name in ("loss", "delay"):
             parts.append(f"no {name}")
     return "; ".join(parts)
 
 
-def _told(value: Any) -> str:
+def _value_text(value: Any) -> str:
     """A model by what it holds that is no default, its kind first; a list by its length."""
     if isinstance(value, BaseModel):
         fields = type(value).model_fields
@@ -158,9 +158,9 @@ def _told(value: Any) -> str:
     if isinstance(value, list | tuple) and len(value) > ITEMS_MAX:
         return f"{len(value)} values"
     if isinstance(value, list | tuple):
-        return "(" + ", ".join(map(_told, value)) + ")"
+        return "(" + ", ".join(map(_value_text, value)) + ")"
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _items(tree: dict[str, Any]) -> str:
-    return ", ".join(f"{key} = {_told(value)}" for key, value in tree.items())
+    return ", ".join(f"{key} = {_value_text(value)}" for key, value in tree.items())

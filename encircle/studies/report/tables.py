@@ -23,7 +23,7 @@ from encircle.studies.report.claims import (
     place_text,
     where_text,
 )
-from encircle.studies.summary import Cell, Comparison, Summary, Tolerated
+from encircle.studies.summary import Cell, Comparison, Summary, Tolerance
 
 ROWS_MAX, MEASURED_ROWS_MAX = 1000, 200
 SIDE_BY_SIDE_MAX = 4
@@ -52,13 +52,13 @@ def tables(summary: Summary) -> list[str]:
         for cell in summary.cells[:ROWS_MAX]
     ]
     caption = "Cells, with 95 % intervals" + cut_text(len(summary.cells), ROWS_MAX, CELLS)
-    found = [page.heading("Tables"), page.table(caption, head, rows, max(1, len(axes)))]
+    parts = [page.heading("Tables"), page.table(caption, head, rows, max(1, len(axes)))]
     if summary.comparisons:
-        told = f"All numbers of {many(len(summary.comparisons), 'comparison')}"
-        found.append(page.folded(told, [_comparisons(summary)]))
+        heading_text = f"All numbers of {many(len(summary.comparisons), 'comparison')}"
+        parts.append(page.folded(heading_text, [_comparisons(summary)]))
     if summary.tolerated:
-        found.append(_tolerances(summary))
-    return found
+        parts.append(_tolerances(summary))
+    return parts
 
 
 def _delays(cell: Cell) -> tuple[str, str]:
@@ -135,7 +135,7 @@ def _tolerances(summary: Summary) -> str:
     return page.table(caption + cut_text(len(summary.tolerated), ROWS_MAX), head, rows, 2)
 
 
-def _tolerance(axis: Axis, one: Tolerated) -> tuple[str, str]:
+def _tolerance(axis: Axis, one: Tolerance) -> tuple[str, str]:
     first, last = (place_text(axis, axis.shown_values[k]) for k in (0, -1))
     value, _low, high = one.level
     level = place_text(axis, value) if np.isfinite(value) else f"none (below from {first} on)"
@@ -153,8 +153,8 @@ def measures(summary: Summary) -> list[str]:
         content = [_measures_beside(summary, names)]
     else:
         content = [_measured(summary, name) for name in names]
-    told = f"Means of {many(len(names), 'measure')} in every cell"
-    return [page.heading("Measures"), page.folded(told, content)]
+    heading_text = f"Means of {many(len(names), 'measure')} in every cell"
+    return [page.heading("Measures"), page.folded(heading_text, content)]
 
 
 def _measures_beside(summary: Summary, names: Sequence[str]) -> str:

@@ -8,10 +8,10 @@ import pytest
 from helpers_agents import (
     TEAM,
     TICK_S,
+    config,
     observation,
     pose,
     ring_of_rays,
-    role,
     run_actions,
     run_brain,
 )
@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from encircle.agents.brain.brain import initial, step
-from encircle.agents.policies.strategies import BUILT_IN, Choice
+from encircle.agents.policies.policies import BUILT_IN, Decision
 from encircle.protocol.messages import QUANTUM_M, Observation
 from encircle.protocol.parameters import Parameters
 
@@ -64,7 +64,7 @@ def state_at(part, tick):
 @given(situations(), st.sampled_from(sorted(BUILT_IN)))
 def test_the_same_inputs_give_the_same_outputs_and_stay_as_they_are(situation, name):
     sensed, packets = situation
-    part = role(BUILT_IN[name])
+    part = config(BUILT_IN[name])
     state = state_at(part, 12)
     before = pickle.dumps((state, sensed, packets))
     first = step(state, sensed, packets, part)
@@ -76,7 +76,7 @@ def test_the_same_inputs_give_the_same_outputs_and_stay_as_they_are(situation, n
 @given(situations(), st.data())
 def test_the_order_and_number_of_copies_of_packets_do_not_matter(situation, data):
     sensed, packets = situation
-    part = role()
+    part = config()
     state = state_at(part, 12)
     again = [p for p in packets if data.draw(st.booleans())]
     shuffled = data.draw(st.permutations(packets + again))
@@ -90,7 +90,7 @@ def test_of_two_packets_of_one_robot_and_tick_the_lower_sequence_counts_in_any_o
     commands = []
     for packets in ([first, second], [second, first]):
         heard = packets_at(1, *packets)
-        commands.append(run_brain(role(strategy), waiting(2), heard)[1][-1])
+        commands.append(run_brain(config(strategy), waiting(2), heard)[1][-1])
     assert views[0].positions == views[1].positions
     assert views[0].positions[1] == (5.0, 5.0)
     assert commands[0] == commands[1]
@@ -100,7 +100,7 @@ def test_of_two_packets_of_one_robot_and_tick_the_lower_sequence_counts_in_any_o
 @given(situations(), st.sampled_from(sorted(BUILT_IN)))
 def test_no_step_is_longer_than_the_robot_can_make(situation, name):
     sensed, packets = situation
-    part = role(BUILT_IN[name])
+    part = config(BUILT_IN[name])
     _, action = step(state_at(part, 12), sensed, packets, part)
     # Rounding to the wire's resolution may add up to one quantum.
     assert hypot(*action.command.step) <= P.step_m_max + QUANTUM_M
@@ -109,7 +109,7 @@ def test_no_step_is_longer_than_the_robot_can_make(situation, name):
 @CHEAP
 @given(st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)), st.floats(0.01, 2.0))
 def test_whatever_a_strategy_wants_is_shortened_and_keeps_its_direction(wanted, longest):
-    part = role(lambda view: Choice("leap", wanted, view.target), step_m_max=longest)
+    part = config(lambda view: Decision("leap", wanted, view.target), step_m_max=longest)
     _, commands = run_brain(part, [observation(target=(500.0, 0.0))], None)
     scale = min(1.0, longest / max(hypot(*wanted), 1e-12))
     expected = (wanted[0] * scale, wanted[1] * scale)
@@ -123,7 +123,7 @@ def spy():
 
     def strategy(view):
         views.append(view)
-        return Choice("spy", (0.0, 0.0), view.target)
+        return Decision("spy", (0.0, 0.0), view.target)
 
     return strategy, views
 
@@ -139,7 +139,7 @@ def waiting(ticks, target=None):
 @pytest.mark.parametrize(("policy", "place"), [("hold", (5.0, 5.0)), ("extrapolate", (7.0, 4.0))])
 def test_a_stale_peer_is_planned_for_as_the_policy_says(policy, place):
     strategy, views = spy()
-    part = role(strategy, peer_policy=policy)
+    part = config(strategy, peer_policy=policy)
     heard = packets_at(3, pose("r3", 0, (5.0, 5.0), (4.0, -2.0)))
     run_brain(part, waiting(6, target=(4.0, 0.0)), heard)
     # Sent at tick 0 with 4 m/s, read at tick 5: half a second later.
@@ -147,7 +147,7 @@ def test_a_stale_peer_is_planned_for_as_the_policy_says(policy, place):
 
 
 def test_a_peer_not_heard_of_for_longer_than_the_limit_is_planned_without():
-    part = role(peer_age_ticks_max=5)
+    part = config(peer_age_ticks_max=5)
     heard = packets_at(2, pose("r3", 1), pose("r2", 0))
     _, commands = run_brain(part, waiting(9, target=(4.0, 0.0)), heard)
     teams = [command.team for command in commands]
@@ -158,7 +158,7 @@ def test_a_peer_not_heard_of_for_longer_than_the_limit_is_planned_without():
 
 
 def test_an_even_older_peer_in_sight_belongs_to_the_team():
-    part = role(peer_age_ticks_max=5)
+    part = config(peer_age_ticks_max=5)
     seen = replace(observation(tick=9, target=(4.0, 0.0)), seen=(("r4", 3.0, 3.0),))
     _, action = step(state_at(part, 9), seen, [], part)
     assert action.command.team == ("r1", "r4")
@@ -166,7 +166,7 @@ def test_an_even_older_peer_in_sight_belongs_to_the_team():
 
 @pytest.mark.parametrize("search", ["hold", "spiral"])
 def test_before_anything_is_known_of_the_target_the_robot_searches(search):
-    _, commands = run_brain(role(search=search), waiting(5), None)
+    _, commands = run_brain(config(search=search), waiting(5), None)
     assert {command.mode for command in commands} == {"search"}
     assert all(c.estimate is c.xi is c.point is c.predictor is None for c in commands)
     lengths = [hypot(*command.step) for command in commands]
@@ -174,7 +174,9 @@ def test_before_anything_is_known_of_the_target_the_robot_searches(search):
 
 
 def test_robots_that_search_from_one_place_go_apart():
-    steps = [run_brain(role(robot=robot), [observation(robot)], None)[1][0].step for robot in TEAM]
+    steps = [
+        run_brain(config(robot=robot), [observation(robot)], None)[1][0].step for robot in TEAM
+    ]
     total = (sum(x for x, _ in steps), sum(y for _, y in steps))
     assert total == pytest.approx((0.0, 0.0), abs=4 * QUANTUM_M)
     assert len(set(steps)) == len(TEAM)
@@ -183,7 +185,7 @@ def test_robots_that_search_from_one_place_go_apart():
 @pytest.mark.parametrize("silent_ticks", [1, 20, 40, 100])
 def test_a_target_heard_of_only_through_a_peer_is_tracked(silent_ticks):
     heard = packets_at(silent_ticks, pose("r2", silent_ticks - 1, detection=(8.0, 9.0)))
-    _, commands = run_brain(role(), waiting(silent_ticks + 1), heard)
+    _, commands = run_brain(config(), waiting(silent_ticks + 1), heard)
     assert commands[-2].mode == "search"
     assert commands[-1].mode == "encircle"
     assert commands[-1].estimate == pytest.approx((8.0, 9.0))
@@ -192,13 +194,13 @@ def test_a_target_heard_of_only_through_a_peer_is_tracked(silent_ticks):
 @pytest.mark.parametrize("silent_ticks", [0, 20, 40, 100])
 def test_a_target_that_comes_into_sight_after_any_search_is_tracked(silent_ticks):
     sensed = [*waiting(silent_ticks), observation(tick=silent_ticks, target=(4.0, 0.0))]
-    _, commands = run_brain(role(), sensed, None)
+    _, commands = run_brain(config(), sensed, None)
     assert commands[-1].mode == "encircle"
     assert commands[-1].estimate == (4.0, 0.0)
 
 
 def test_a_target_lost_for_longer_than_the_limit_is_searched_for_anew():
-    part = role(track_age_ticks_max=6)
+    part = config(track_age_ticks_max=6)
     sensed = [observation(tick=t, target=(4.0, 0.0) if t == 2 else None) for t in range(12)]
     _, commands = run_brain(part, sensed, None)
     modes = [command.mode for command in commands]
@@ -206,7 +208,7 @@ def test_a_target_lost_for_longer_than_the_limit_is_searched_for_anew():
 
 
 def test_a_new_search_begins_where_the_robot_is_then():
-    part = role(track_age_ticks_max=3, search="hold")
+    part = config(track_age_ticks_max=3, search="hold")
     sensed = [
         observation(tick=t, position=(float(t), 0.0), target=(9.0, 0.0) if t == 2 else None)
         for t in range(9)
@@ -217,7 +219,7 @@ def test_a_new_search_begins_where_the_robot_is_then():
 
 
 def test_a_lost_target_that_is_seen_again_is_tracked_again():
-    part = role(track_age_ticks_max=6)
+    part = config(track_age_ticks_max=6)
     seen_at = {2: (4.0, 0.0), 40: (-3.0, 1.0)}
     sensed = [observation(tick=t, target=seen_at.get(t)) for t in range(42)]
     _, commands = run_brain(part, sensed, None)
@@ -228,18 +230,18 @@ def test_a_lost_target_that_is_seen_again_is_tracked_again():
 
 def test_the_detections_of_all_are_used_together():
     heard = packets_at(1, pose("r2", 0, detection=(4.0, 2.0)), pose("r3", 0, detection=(4.0, 4.0)))
-    _, commands = run_brain(role(), waiting(2), heard)
+    _, commands = run_brain(config(), waiting(2), heard)
     assert commands[-1].estimate == pytest.approx((4.0, 3.0))
 
 
 def test_a_detection_said_to_be_of_now_or_later_is_not_believed():
     heard = packets_at(1, pose("r2", 1, detection=(4.0, 2.0)), pose("r3", 5, detection=(4.0, 4.0)))
-    _, commands = run_brain(role(), waiting(2), heard)
+    _, commands = run_brain(config(), waiting(2), heard)
     assert commands[-1].mode == "search"
 
 
 def test_the_pose_tells_position_velocity_and_the_own_detection_only():
-    part = role()
+    part = config()
     state, _ = run_brain(part, [observation(position=(1.0, 1.0))], None)
     sensed = observation(tick=1, position=(1.2, 0.9))
     heard = [pose("r2", 0, detection=(4.0, 2.0))]
@@ -252,7 +254,7 @@ def test_the_pose_tells_position_velocity_and_the_own_detection_only():
 
 
 def test_a_silent_tick_has_a_command_and_is_lived_like_any_other():
-    loud, quiet = role(), role(publish_every_ticks=5)
+    loud, quiet = config(), config(publish_every_ticks=5)
     sensed = [observation(tick=t, position=(0.1 * t, 0.0), target=(5.0, 0.2 * t)) for t in range(9)]
     heard = packets_at(3, pose("r2", 2, detection=(5.0, 0.5)))
     (state, said), (quiet_state, rarely) = [
@@ -266,7 +268,7 @@ def test_a_silent_tick_has_a_command_and_is_lived_like_any_other():
 
 def test_the_velocity_told_is_that_of_the_last_tick_whenever_the_last_packet_was():
     sensed = [observation(tick=t, position=(0.1 * t * t, 0.0)) for t in range(4)]
-    _, actions = run_actions(role(publish_every_ticks=3), sensed)
+    _, actions = run_actions(config(publish_every_ticks=3), sensed)
     assert actions[3].pose.velocity == pytest.approx((0.5 / TICK_S, 0.0))
 
 
@@ -276,15 +278,15 @@ def test_a_strategy_is_told_the_encirclement_point_it_chose_last():
 
     def strategy(view):
         views.append(view)
-        return Choice("ring", (0.0, 0.0), (1.5, 2.0 * len(views)), 0.0, next(points))
+        return Decision("ring", (0.0, 0.0), (1.5, 2.0 * len(views)), 0.0, next(points))
 
-    run_brain(role(strategy), waiting(4, target=(4.0, 0.0)), None)
+    run_brain(config(strategy), waiting(4, target=(4.0, 0.0)), None)
     assert [view.previous_goal for view in views] == [None, (1.5, 2.0), (1.5, 4.0), None]
 
 
 def test_a_point_headed_for_is_forgotten_when_the_target_is_lost():
     strategy, views = spy()
-    part = role(lambda view: replace_point(strategy(view)), track_age_ticks_max=2)
+    part = config(lambda view: replace_point(strategy(view)), track_age_ticks_max=2)
     seen_at = {0: (4.0, 0.0), 6: (4.0, 0.0)}
     run_brain(part, [observation(tick=t, target=seen_at.get(t)) for t in range(8)], None)
     assert [view.previous_goal is None for view in views] == [True, False, False, True, False]
@@ -295,9 +297,9 @@ def replace_point(choice):
 
 
 def test_the_first_pose_has_no_velocity_and_sequences_go_up_by_one():
-    state, sent = initial(role()), []
+    state, sent = initial(config()), []
     for tick in range(3):
-        state, action = step(state, observation(tick=tick, target=(3.0, 3.0)), [], role())
+        state, action = step(state, observation(tick=tick, target=(3.0, 3.0)), [], config())
         sent.append(action.pose)
     assert sent[0].velocity == (0.0, 0.0)
     assert [told.sequence for told in sent] == [0, 1, 2]
@@ -305,7 +307,7 @@ def test_the_first_pose_has_no_velocity_and_sequences_go_up_by_one():
 
 
 def test_robots_in_sight_and_walls_are_kept_clear_of():
-    part = role(lambda view: Choice("ahead", (0.3, 0.0), view.target))
+    part = config(lambda view: Decision("ahead", (0.3, 0.0), view.target))
     ahead = observation(target=(50.0, 0.0), seen=(("r2", 1.3, 0.0),))
     walled = observation(target=(50.0, 0.0), scan=ring_of_rays((0, 0), [(1.2, 0.0, 0.5)], 24))
     for sensed in (ahead, walled):
@@ -315,7 +317,7 @@ def test_robots_in_sight_and_walls_are_kept_clear_of():
 
 def test_four_robots_that_hear_each_other_close_in_on_a_target_that_stands():
     target, positions = (3.0, 2.0), [(-2.0, 0.0), (5.0, -6.0), (9.0, 3.0), (1.0, 9.0)]
-    roles = [role(robot=robot) for robot in TEAM]
+    roles = [config(robot=robot) for robot in TEAM]
     states, told = [initial(part) for part in roles], []
     for tick in range(80):
         actions = []
@@ -342,7 +344,7 @@ def test_the_hunt_is_the_same_wherever_it_takes_place(bearing):
     target = (4.0 * cos(bearing), 4.0 * sin(bearing))
     near, far = [
         run_brain(
-            role(),
+            config(),
             [observation(position=(s, 2 * s), target=(target[0] + s, target[1] + 2 * s))],
             None,
         )[1][0].step
@@ -352,7 +354,7 @@ def test_the_hunt_is_the_same_wherever_it_takes_place(bearing):
 
 
 def test_by_the_clock_a_brain_that_missed_ticks_knows_what_time_it_is():
-    part = role()
+    part = config()
     state, _ = run_brain(part, [observation(tick=k, target=(3.0, 0.3 * k)) for k in range(6)], None)
     after, action = step(
         state, observation(tick=10, position=(1.0, 0.0), target=(3.0, 3.0)), [], part
@@ -366,7 +368,7 @@ def test_by_the_clock_a_brain_that_missed_ticks_knows_what_time_it_is():
 
 
 def test_by_the_clock_event_triggered_packets_are_due_as_if_the_ticks_had_passed():
-    part = role(publish="event", publish_age_ticks_max=10)
+    part = config(publish="event", publish_age_ticks_max=10)
     state, _ = run_brain(part, [observation(tick=k) for k in range(3)], None)
     for tick, due in ((9, False), (10, True)):
         assert (step(state, observation(tick=tick), [], part)[1].pose is not None) is due

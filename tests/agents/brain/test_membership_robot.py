@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from helpers_agents import BODIES, observation, pose, role, run_actions
+from helpers_agents import BODIES, config, observation, pose, run_actions
 
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, encode
@@ -20,7 +20,7 @@ def teams(lost, packets=lambda _tick: []):
         replace(observation(tick=t, target=(4.0, 4.0)), lost=names) for t, names in enumerate(lost)
     ]
     inbox = {1: PEERS}
-    _, actions = run_actions(role(), seen, lambda t: [*inbox.get(t, []), *packets(t)])
+    _, actions = run_actions(config(), seen, lambda t: [*inbox.get(t, []), *packets(t)])
     return [action.command.team for action in actions]
 
 
@@ -46,7 +46,7 @@ def test_a_packet_younger_than_the_loss_brings_a_peer_back_and_an_older_one_does
 
 def test_a_lost_peer_that_is_seen_is_still_kept_clear_of_but_not_planned_with():
     seen = replace(observation(tick=0, target=(4.0, 0.0), seen=(("r2", 1.2, 0.0),)), lost=("r2",))
-    _, [action] = run_actions(role(clearance_m=0.08), [seen])
+    _, [action] = run_actions(config(clearance_m=0.08), [seen])
     assert action.command.team == ("r1",)
     assert action.command.step[0] <= 1.2 - 2 * 0.5
 

@@ -7,7 +7,7 @@ from helpers_agents import BODIES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from encircle.agents.brain.real_time_core import BACKLOG_MAX, RealTimeCore
+from encircle.agents.brain.real_time_core import BACKLOG_MAX, RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import robot_key
@@ -15,15 +15,15 @@ from encircle.protocol.messages import HEARD_MAX, Command, Observation, Pose, Se
 from encircle.protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
 
 RUN = "clocked"
-TOLD_MAX = 2 * HEARD_MAX
+UNACKNOWLEDGED_MAX = 2 * HEARD_MAX
 TEAM = ("r1", "r2", "r3")
 SETUP = Setup("r1", TEAM, 0.02, "xi-star", BODIES, "direct")
 
 
-def robot(setup: Setup = SETUP) -> RealTimeCore:
+def robot(setup: Setup = SETUP) -> RealTimeRobotCore:
     core = RobotCore("r1", RUN)
     core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN))
-    return RealTimeCore(core)
+    return RealTimeRobotCore(core)
 
 
 def observation(tick: int, **changes) -> Observation:
@@ -32,9 +32,9 @@ def observation(tick: int, **changes) -> Observation:
     return replace(seen, **changes)
 
 
-def tell(core: RealTimeCore, *told: Observation, came_us: int = 50) -> None:
+def tell(core: RealTimeRobotCore, *told: Observation, arrival_us: int = 50) -> None:
     for one in told:
-        core.take(came_us, robot_key(RUN, "r1", "observation"), encode(one, RUN))
+        core.take(arrival_us, robot_key(RUN, "r1", "observation"), encode(one, RUN))
 
 
 def packet(sender: str, sequence: int, tick: int, x: float = 1.0) -> Pose:
@@ -44,14 +44,14 @@ def packet(sender: str, sequence: int, tick: int, x: float = 1.0) -> Pose:
     )
 
 
-def hear(core: RealTimeCore, pose: Pose, came_us: int = 7, key: str = "") -> None:
-    core.take(came_us, robot_key(RUN, key or pose.robot, "pose"), encode(pose, RUN))
+def hear(core: RealTimeRobotCore, pose: Pose, arrival_us: int = 7, key: str = "") -> None:
+    core.take(arrival_us, robot_key(RUN, key or pose.robot, "pose"), encode(pose, RUN))
 
 
-def answered(core: RealTimeCore, now_us: int = 99) -> tuple[Command, Pose | None]:
+def answered(core: RealTimeRobotCore, now_us: int = 99) -> tuple[Command, Pose | None]:
     action = core.decide()
     assert action is not None
-    said = {key.rsplit("/", 1)[1]: payload for key, payload in core.said(action, now_us)}
+    said = {key.rsplit("/", 1)[1]: payload for key, payload in core.messages(action, now_us)}
     pose = decode(Pose, said["pose"], RUN) if "pose" in said else None
     return decode(Command, said["command"], RUN), pose
 
@@ -104,23 +104,23 @@ def test_packets_are_numbered_one_by_one_and_carry_the_clock():
 
 def test_commands_tell_what_came_when_until_the_world_has_one_that_told():
     core = robot()
-    hear(core, packet("r2", 0, 0), came_us=5)
-    hear(core, packet("r3", 0, 0), came_us=6)
-    tell(core, observation(1), came_us=8)
+    hear(core, packet("r2", 0, 0), arrival_us=5)
+    hear(core, packet("r3", 0, 0), arrival_us=6)
+    tell(core, observation(1), arrival_us=8)
     first = (("r2", 0, 5), ("r3", 0, 6), (ANSWERED, 1, 8))
     assert answered(core, 12)[0].timing == (8, 12, first)
-    tell(core, observation(2), came_us=28)
-    tell(core, observation(3), came_us=48)
+    tell(core, observation(2), arrival_us=28)
+    tell(core, observation(3), arrival_us=48)
     second = ((PASSED_OVER, 2, 28), (ANSWERED, 3, 48))
     assert answered(core, 50)[0].timing == (48, 50, (*first, *second))
-    tell(core, observation(4, answered=1), came_us=68)
+    tell(core, observation(4, answered=1), arrival_us=68)
     third = ((ANSWERED, 4, 68),)
     assert answered(core, 70)[0].timing == (68, 70, (*second, *third))
     # That of tick 1 once more, a command that never was, and all that there was.
     for tick, known in ((5, 1), (6, 2)):
-        tell(core, observation(tick, answered=known), came_us=80 + tick)
+        tell(core, observation(tick, answered=known), arrival_us=80 + tick)
         answered(core)
-    tell(core, observation(7, answered=6), came_us=99)
+    tell(core, observation(7, answered=6), arrival_us=99)
     assert answered(core, 99)[0].timing == (99, 99, ((ANSWERED, 7, 99),))
 
 
@@ -132,14 +132,14 @@ def test_commands_tell_what_came_when_until_the_world_has_one_that_told():
 def test_whatever_is_lost_what_has_come_tells_of_all_that_was_heard_before(rounds, room):
     """Each round: so many packets heard, and whether the command, and news of it, gets through."""
     core = robot()
-    core._tells_max = room
+    core._receipts_max = room
     heard, known, has, number = [], [], None, 0
     for tick, (packets, command_comes, news_comes) in enumerate(rounds, 1):
         for _ in range(packets):
-            hear(core, packet("r2", number, 0), came_us=number)
+            hear(core, packet("r2", number, 0), arrival_us=number)
             heard.append(("r2", number, number))
             number += 1
-        tell(core, observation(tick, answered=has if news_comes else None), came_us=tick)
+        tell(core, observation(tick, answered=has if news_comes else None), arrival_us=tick)
         heard.append((ANSWERED, tick, tick))
         told = answered(core)[0].timing[2]
         assert len(told) <= room
@@ -203,17 +203,19 @@ def test_more_packets_than_a_command_can_tell_of_wait_for_the_next():
 
 
 def test_as_long_as_there_is_no_room_to_tell_nothing_more_is_heard_or_answered(monkeypatch):
-    monkeypatch.setattr("encircle.agents.brain.real_time_core.TOLD_MAX", TOLD_MAX)
+    monkeypatch.setattr(
+        "encircle.agents.brain.real_time_core.UNACKNOWLEDGED_MAX", UNACKNOWLEDGED_MAX
+    )
     core = robot()
-    for tick in range(TOLD_MAX):
+    for tick in range(UNACKNOWLEDGED_MAX):
         tell(core, observation(tick))
         answered(core)
     hear(core, packet("r2", 0, 0))
-    later = range(TOLD_MAX, 3 * TOLD_MAX)
+    later = range(UNACKNOWLEDGED_MAX, 3 * UNACKNOWLEDGED_MAX)
     for tick in later:
         tell(core, observation(tick))
         assert core.decide() is None
-    tell(core, observation(later.stop, answered=TOLD_MAX - 1))
+    tell(core, observation(later.stop, answered=UNACKNOWLEDGED_MAX - 1))
     command, _ = answered(core)
     assert command.timing[2][0] == (ANSWERED, HEARD_MAX, 50)
     assert command.refused == {MISSED: len(later)}
@@ -224,10 +226,10 @@ def test_however_long_its_peers_names_are_a_command_is_short_enough():
     core = RobotCore(names[0], RUN)
     setup = replace(SETUP, robot=names[0], team=names)
     core.receive(robot_key(RUN, names[0], "setup"), encode(setup, RUN))
-    timed = RealTimeCore(core)
+    timed = RealTimeRobotCore(core)
     for number in range(500):
         for name in names[1:]:
-            hear(timed, packet(name, number, 0), came_us=2**53 - 1)
+            hear(timed, packet(name, number, 0), arrival_us=2**53 - 1)
     seen = replace(observation(1), robot=names[0])
     timed.take(1, robot_key(RUN, names[0], "observation"), encode(seen, RUN))
     assert len(answered(timed, 2**53 - 1)[0].timing[2]) > 50
@@ -243,9 +245,9 @@ def test_a_flood_of_packets_is_bounded_and_counted():
 
 def test_without_observations_it_stops_once_and_then_keeps_silent():
     core = robot(replace(SETUP, parameters=BODIES | {"silence_ticks_max": 25}))
-    assert core.quiet_s == 0.5
+    assert core.observation_timeout_s == 0.5
     assert core.stop(1) == []
-    tell(core, observation(0), came_us=3)
+    tell(core, observation(0), arrival_us=3)
     answered(core)
     [(key, payload)] = core.stop(77)
     command = decode(Command, payload, RUN)

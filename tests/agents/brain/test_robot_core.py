@@ -89,7 +89,7 @@ def test_a_second_setup_is_taken_and_begins_anew():
     robot = Robot()
     robot.answer(observation(tick=0))
     assert robot.tell("setup", Setup("r1", ("r1",), 0.5, "pursuit", BODIES)) == []
-    assert (robot.core.role.team, robot.core.role.tick_s) == (("r1",), 0.5)
+    assert (robot.core.config.team, robot.core.config.tick_s) == (("r1",), 0.5)
     assert robot.answer(observation(tick=0, target=(4.0, 0.0)))[1].mode == "pursue"
 
 
@@ -104,7 +104,7 @@ def test_a_second_setup_is_taken_and_begins_anew():
 def test_a_setup_for_another_robot_or_without_this_one_is_refused(setup):
     robot = Robot(setup=None)
     robot.refuses("setup", encode(setup, RUN), "wrong-sender")
-    assert robot.core.role is None
+    assert robot.core.config is None
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_a_setup_that_makes_no_sense_is_malformed_and_says_what(strategy, parame
     robot.refuses("setup", payload, "malformed")
     assert named in robot.logged[0]
     assert robot.tell("setup", SETUP) == []
-    assert robot.core.role is not None, "a good setup is still taken"
+    assert robot.core.config is not None, "a good setup is still taken"
 
 
 @pytest.mark.parametrize("name", ["search", "ring_radius_m", "xi_grid", "colour"])

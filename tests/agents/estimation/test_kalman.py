@@ -17,7 +17,13 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
 from encircle.agents.estimation import kalman
-from encircle.agents.estimation.kalman import NO_TRACK, covariance_step, fold, next_estimate, up_to
+from encircle.agents.estimation.kalman import (
+    EMPTY_TRACK,
+    coast_to,
+    covariance_step,
+    incorporate,
+    next_estimate,
+)
 from encircle.protocol.parameters import Parameters
 
 CHEAP = settings(max_examples=40, deadline=None, derandomize=True)
@@ -63,10 +69,10 @@ def assert_same(estimate, expected):
 
 def folded(arrivals, last_tick, parameters=P):
     """The track after folding ``(arrival tick, detection)`` tick by tick, in the order given."""
-    track = NO_TRACK
+    track = EMPTY_TRACK
     for tick in range(last_tick + 1):
         now = [detection for arrival, detection in arrivals if arrival == tick]
-        track = fold(track, now, tick, TICK_S, parameters)
+        track = incorporate(track, now, tick, TICK_S, parameters)
     return track
 
 
@@ -109,9 +115,9 @@ def test_filterpy_computes_covariance_and_gain_and_never_sees_what_was_detected(
     monkeypatch.setattr(kalman, "predict", watched(kalman.predict))
     monkeypatch.setattr(kalman, "update", watched(kalman.update))
     covariance_step.cache_clear()
-    track = NO_TRACK
+    track = EMPTY_TRACK
     for tick in range(4):
-        track = fold(track, [(tick, 0, 7.0, -5.0), (tick, 1, 9.0, -5.0)], tick, TICK_S, P)
+        track = incorporate(track, [(tick, 0, 7.0, -5.0), (tick, 1, 9.0, -5.0)], tick, TICK_S, P)
     assert (track.estimate.x, track.estimate.y) == pytest.approx((8.0, -5.0))
     assert [name for name, *_ in seen] == ["predict", "update"] * 3
     assert all((mean == 0.0).all() for _, mean, _ in seen)
@@ -298,7 +304,7 @@ def test_a_target_first_seen_after_any_silence_is_tracked_at_once(silent_ticks, 
 def test_folding_changes_neither_the_track_nor_the_detections():
     track = folded([(0, (0, 0, 1.0, 2.0))], 3)
     copy, detections = track._replace(), [(2, 1, 5.0, 5.0), (4, 0, 1.0, 1.0)]
-    fold(track, detections, 4, TICK_S, P)
+    incorporate(track, detections, 4, TICK_S, P)
     assert track == copy
     assert detections == [(2, 1, 5.0, 5.0), (4, 0, 1.0, 1.0)]
 
@@ -324,18 +330,18 @@ def test_the_covariance_comes_to_rest():
 def test_ticks_left_out_are_as_ticks_in_which_nothing_was_heard(missed):
     known = folded([(k, (k, 0, 0.3 * k, 1.0)) for k in range(8)], 7)
     tick = 8 + missed
-    caught_up = fold(up_to(known, tick, TICK_S, P), (), tick, TICK_S, P)
+    caught_up = incorporate(coast_to(known, tick, TICK_S, P), (), tick, TICK_S, P)
     one_by_one = known
     for passed in range(8, tick + 1):
-        one_by_one = fold(one_by_one, (), passed, TICK_S, P)
+        one_by_one = incorporate(one_by_one, (), passed, TICK_S, P)
     assert caught_up == one_by_one
 
 
 def test_a_track_left_alone_for_longer_than_targets_are_remembered_starts_anew():
     known = folded([(k, (k, 0, 0.3 * k, 1.0)) for k in range(8)], 7)
     tick = 9 + P.track_age_ticks_max
-    track = fold(up_to(known, tick, TICK_S, P), (), tick, TICK_S, P)
+    track = incorporate(coast_to(known, tick, TICK_S, P), (), tick, TICK_S, P)
     assert track.estimate is None
     assert track.detected_tick == -1
-    seen = fold(track, [(tick + 1, 2, 5.0, 6.0)], tick + 1, TICK_S, P)
+    seen = incorporate(track, [(tick + 1, 2, 5.0, 6.0)], tick + 1, TICK_S, P)
     assert (seen.estimate.x, seen.estimate.y) == (5.0, 6.0)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from encircle.agents.estimation.kalman import NO_TRACK, fold
+from encircle.agents.estimation.kalman import EMPTY_TRACK, incorporate
 from encircle.agents.estimation.spline import extrapolate, extrapolation_matrix
 from encircle.protocol.parameters import Parameters
 
@@ -75,10 +75,10 @@ def test_the_matrix_is_shared_and_therefore_cannot_be_written():
 
 def track_of(path, seen, parameters=P):
     """A track of a target that was at ``path(tick)`` at the ticks in ``seen``."""
-    track = NO_TRACK
+    track = EMPTY_TRACK
     for tick in range(max(seen) + 1):
         here = [(tick, 0, *path(tick))] if tick in seen else []
-        track = fold(track, here, tick, TICK_S, parameters)
+        track = incorporate(track, here, tick, TICK_S, parameters)
     return track
 
 

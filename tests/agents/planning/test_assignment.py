@@ -17,8 +17,8 @@ from encircle.agents.planning.assignment import (
     algorithm_1,
     assign,
     assign_by_enumeration,
-    kept_or_assigned,
-    whole_microns,
+    assign_with_hysteresis,
+    whole_quanta,
 )
 from encircle.protocol.messages import QUANTUM_M
 
@@ -96,7 +96,7 @@ def test_algorithm_1_finds_the_minimum_for_every_robot(formation, data):
 
 @pytest.mark.parametrize("count", range(1, 7))
 @pytest.mark.parametrize(
-    "team_of",
+    "planning_team",
     [
         lambda n: [(0.0, 0.0)] * n,  # every distance the same
         lambda n: [(float(k), 0.0) for k in range(n)],  # collinear, in order
@@ -108,9 +108,9 @@ def test_algorithm_1_finds_the_minimum_for_every_robot(formation, data):
         lambda n: ring(n, 8.0)[::-1],
     ],
 )
-def test_symmetric_formations_are_assigned_as_by_enumeration(count, team_of):
+def test_symmetric_formations_are_assigned_as_by_enumeration(count, planning_team):
     for turn in (0.0, pi / 2, 0.3):
-        assert_as_enumerated(team_of(count), ring(count, 4.0, turn))
+        assert_as_enumerated(planning_team(count), ring(count, 4.0, turn))
 
 
 def test_robots_that_follow_algorithm_1_each_for_itself_can_claim_one_point():
@@ -121,7 +121,7 @@ def test_robots_that_follow_algorithm_1_each_for_itself_can_claim_one_point():
     assert claims == [1, 0, 0]
     team, points = ring(3, 2.0, pi), ring(3, 2.0)
     np.testing.assert_allclose(
-        whole_microns(np.array([[hypot(x - u, y - v) for u, v in points] for x, y in team])),
+        whole_quanta(np.array([[hypot(x - u, y - v) for u, v in points] for x, y in team])),
         np.rint(np.where(np.eye(3) > 0, 4.0, 2.0) * 2**20),
     )
     assert sorted(assign(np.array(team), np.array([points]))[0][0].tolist()) == [0, 1, 2]
@@ -179,7 +179,7 @@ def decided(team, points, own, previous, gain_m):
     """The point ``own`` has been assigned, and the one it goes to."""
     points = np.array(points)
     assigned = assign(np.array(team), points[None])[0][0]
-    way = kept_or_assigned(np.array(team), points, assigned, own, previous, gain_m)
+    way = assign_with_hysteresis(np.array(team), points, assigned, own, previous, gain_m)
     return int(assigned[own]), way
 
 

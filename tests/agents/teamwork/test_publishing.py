@@ -7,13 +7,13 @@ shares nothing with the sender's own reckoning of what was told, which it is the
 from math import dist
 
 import pytest
-from helpers_agents import TICK_S, observation, role, run_actions
+from helpers_agents import TICK_S, config, observation, run_actions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from encircle.agents.brain.brain import initial, step
-from encircle.agents.teamwork.peers import team_of
-from encircle.agents.teamwork.publishing import Told, is_due
+from encircle.agents.teamwork.peers import planning_team
+from encircle.agents.teamwork.publishing import ReceiverModel, should_publish
 from encircle.protocol.messages import QUANTUM_M, quantise_m
 from encircle.protocol.parameters import Parameters
 
@@ -27,7 +27,7 @@ def published(positions, targets=(None,) * TICKS, **changed):
         observation(tick=tick, position=place, target=target)
         for tick, (place, target) in enumerate(zip(positions, targets, strict=True))
     ]
-    _, actions = run_actions(role(**changed), sensed)
+    _, actions = run_actions(config(**changed), sensed)
     for tick, action in enumerate(actions):
         assert action.command.published == (action.pose is not None)
         assert action.command.tick == tick
@@ -39,7 +39,7 @@ def along(step_m, ticks=TICKS):
     return [(quantise_m(step_m * tick), 0.0) for tick in range(ticks)]
 
 
-STILL = along(0.0)
+ZERO_STEP = along(0.0)
 
 
 def test_by_default_every_tick_is_published():
@@ -53,7 +53,7 @@ def test_every_nth_tick_is_published_from_the_first_on(every):
 
 @pytest.mark.parametrize(("age", "ticks"), [(10, [0, 10, 20, 30]), (25, [0, 25]), (1, range(31))])
 def test_a_robot_at_rest_that_sees_nothing_speaks_only_for_the_age_of_its_last_packet(age, ticks):
-    assert published(STILL, publish="event", publish_age_ticks_max=age) == list(ticks)
+    assert published(ZERO_STEP, publish="event", publish_age_ticks_max=age) == list(ticks)
 
 
 @pytest.mark.parametrize(
@@ -126,41 +126,41 @@ def sightings(**spans):
     ],
 )
 def test_a_robot_at_rest_speaks_of_the_target_when_peers_would_be_wrong(targets, ticks):
-    assert published(STILL, targets, publish="event") == ticks
+    assert published(ZERO_STEP, targets, publish="event") == ticks
 
 
 def test_a_target_that_peers_have_given_up_is_spoken_of_wherever_it_is():
     changed = {"publish": "event", "publish_age_ticks_max": 100, "track_age_ticks_max": 5}
     gap = [*[HERE] * 2, *[None] * 29]
     # Last said to be there at tick 0, and given up by peers at tick 6.
-    assert published(STILL, [*gap[:5], HERE, *gap[6:]], **changed) == [0]
-    assert published(STILL, [*gap[:6], HERE, *gap[7:]], **changed) == [0, 6]
+    assert published(ZERO_STEP, [*gap[:5], HERE, *gap[6:]], **changed) == [0]
+    assert published(ZERO_STEP, [*gap[:6], HERE, *gap[7:]], **changed) == [0, 6]
 
 
 def test_events_are_looked_for_only_at_ticks_at_which_a_robot_may_publish():
     changed = {"publish": "event", "publish_every_ticks": 3}
-    assert published(STILL, sightings(here=(4, 31)), **changed) == [0, 6, 18, 30]
-    assert published(STILL, sightings(here=(4, 6)), **changed) == [0, 12, 24]
+    assert published(ZERO_STEP, sightings(here=(4, 31)), **changed) == [0, 6, 18, 30]
+    assert published(ZERO_STEP, sightings(here=(4, 6)), **changed) == [0, 12, 24]
 
 
 def test_a_packet_carries_only_what_is_detected_at_its_own_tick():
     sensed = [observation(tick=t, target=HERE if t in (0, 1, 2) else None) for t in range(11)]
-    _, actions = run_actions(role(publish="event"), sensed)
+    _, actions = run_actions(config(publish="event"), sensed)
     sent = [action.pose for action in actions if action.pose]
     assert [(p.tick, p.sequence, p.detection) for p in sent] == [(0, 0, HERE), (10, 10, None)]
 
 
 def test_nothing_is_kept_of_what_was_told_where_nobody_asks_for_it():
     for every in (1, 3):
-        state, _ = run_actions(role(publish_every_ticks=every), [observation(target=HERE)])
-        assert state.told is None
+        state, _ = run_actions(config(publish_every_ticks=every), [observation(target=HERE)])
+        assert state.receiver_model is None
 
 
 def test_an_error_of_a_quantum_is_none():
     parameters = Parameters(publish="event", publish_error_m=0.25)
-    told = Told((0, 0.0, 0.0, 0.0, 0.0), False, None, -1)
+    receiver_model = ReceiverModel((0, 0.0, 0.0, 0.0, 0.0), False, None, -1)
     for x, due in ((0.25 + QUANTUM_M, False), (0.25 + 2 * QUANTUM_M, True)):
-        assert is_due(told, 1, (x, 0.0), None, TICK_S, parameters) == due
+        assert should_publish(receiver_model, 1, (x, 0.0), None, TICK_S, parameters) == due
 
 
 def test_a_target_that_goes_steadily_is_spoken_of_until_peers_know_how_it_goes():
@@ -168,10 +168,10 @@ def test_a_target_that_goes_steadily_is_spoken_of_until_peers_know_how_it_goes()
     # has seen it make 0.4 m in 0.2 s and, the prior being wide, takes it to go on at 1.98 m/s:
     # 0.02 m off after ten ticks.
     steadily = [(quantise_m(4.0 + 0.2 * tick), 0.0) for tick in range(TICKS)]
-    assert published(STILL, steadily, publish="event") == [0, 2, 12, 22]
+    assert published(ZERO_STEP, steadily, publish="event") == [0, 2, 12, 22]
     # One that stands still from tick 15 on is 0.2 off then, 0.4 at 16.
     stops = [*steadily[:15], *[steadily[14]] * 16]
-    assert published(STILL, stops, publish="event")[:4] == [0, 2, 12, 16]
+    assert published(ZERO_STEP, stops, publish="event")[:4] == [0, 2, 12, 16]
 
 
 steps = st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
@@ -198,7 +198,7 @@ def test_a_peer_that_hears_every_packet_is_not_misled_by_silence(
         "extrapolate_ticks_max": extrapolate,
         "track_age_ticks_max": track_age,
     }
-    sender, receiver = role(robot="r1", **changed), role(robot="r2", **changed)
+    sender, receiver = config(robot="r1", **changed), config(robot="r2", **changed)
     telling, hearing, inbox = initial(sender), initial(receiver), []
     place, target = (0.0, 0.0), (5.0, 0.0)
     since = 0
@@ -218,7 +218,7 @@ def test_a_peer_that_hears_every_packet_is_not_misled_by_silence(
         since = 0 if action.pose else since + 1
         assert since < sender.parameters.publish_age_ticks_max
         if action.pose is None:
-            mates = team_of(hearing.peers, 1, (50.0, 0.0), tick, receiver.parameters)
+            mates = planning_team(hearing.peers, 1, (50.0, 0.0), tick, receiver.parameters)
             assert dist(mates.positions[0], place) <= error_m + 2 * QUANTUM_M
             if sees:
                 believed = hearing.track.estimate

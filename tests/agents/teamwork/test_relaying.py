@@ -7,14 +7,14 @@ heard of; the oracle of what is passed on is a sort of all of them.
 from dataclasses import replace
 
 import pytest
-from helpers_agents import BODIES, TEAM, TICK_S, observation, pose, role, run_actions, run_brain
+from helpers_agents import BODIES, TEAM, TICK_S, config, observation, pose, run_actions, run_brain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from encircle.agents.brain.brain import initial, step
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.estimation import kalman
-from encircle.agents.teamwork.relaying import passed_on, to_pass_on
+from encircle.agents.teamwork.relaying import detections_to_relay, relayed_detections
 from encircle.protocol.codec import decode_pose, encode
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import RELAYED_MAX, Setup
@@ -59,22 +59,22 @@ def hunt(links, sightings, ticks, lost=lambda link, tick: False, **changed):
 
 def directly(detections, ticks, parameters=P):
     """The track of a filter that got each detection at its own tick."""
-    track = kalman.NO_TRACK
+    track = kalman.EMPTY_TRACK
     for tick in range(ticks):
         now = [detection for detection in detections if detection[0] == tick]
-        track = kalman.fold(track, now, tick, TICK_S, parameters)
+        track = kalman.incorporate(track, now, tick, TICK_S, parameters)
     return track
 
 
-ONCE = {("r1", 2): (4.0, 3.0)}
+SENT_ONCE = {("r1", 2): (4.0, 3.0)}
 OFTEN = {("r1", tick): (4.0, 0.25 * tick) for tick in range(2, 12)}
 
 
 def test_down_a_chain_a_detection_comes_by_relaying_only():
     for ticks, known in ((3, "1"), (4, "12"), (5, "123"), (9, "123")):
-        states = hunt(CHAIN, ONCE, ticks, detections="relay")
+        states = hunt(CHAIN, SENT_ONCE, ticks, detections="relay")
         assert "".join(r[1] for r in states if states[r].track.estimate is not None) == known
-        states = hunt(CHAIN, ONCE, ticks)
+        states = hunt(CHAIN, SENT_ONCE, ticks)
         assert "".join(r[1] for r in states if states[r].track.estimate is not None) == known[:2]
 
 
@@ -116,14 +116,14 @@ def test_where_late_detections_are_ignored_so_are_all_that_were_relayed():
 
 def test_what_was_heard_is_passed_on_with_the_next_packet_and_causes_none():
     relaying = {"detections": "relay", "publish": "event", "publish_age_ticks_max": 8}
-    assert hunt(CHAIN, ONCE, 9, **relaying)["r3"].track.estimate is None
-    assert hunt(CHAIN, ONCE, 10, **relaying)["r3"].track.estimate is not None
+    assert hunt(CHAIN, SENT_ONCE, 9, **relaying)["r3"].track.estimate is None
+    assert hunt(CHAIN, SENT_ONCE, 10, **relaying)["r3"].track.estimate is not None
 
 
 def actions_after(packets, tick, **changed):
     """What r1 sends at a tick, having heard the packets at it and detected the target before."""
     sensed = [observation(tick=t, target=(1.0, float(t))) for t in range(tick + 1)]
-    part = role(detections="relay", **changed)
+    part = config(detections="relay", **changed)
     return run_actions(part, sensed, lambda now: packets if now == tick else [])[1][-1]
 
 
@@ -137,7 +137,7 @@ def test_neither_the_own_detections_nor_the_freshest_are_repeated():
 def test_by_default_nothing_is_passed_on():
     heard = [pose("r2", 4, detection=(4.0, 2.0), relayed=(("r3", 3, 9.0, 9.0),))]
     sensed = [observation(tick=t) for t in range(6)]
-    state, actions = run_actions(role(), sensed, lambda now: heard if now == 5 else [])
+    state, actions = run_actions(config(), sensed, lambda now: heard if now == 5 else [])
     assert actions[-1].pose.relayed == ()
     assert state.track.estimate is not None, "but it is used"
 
@@ -158,12 +158,18 @@ def test_passed_on_are_the_newest_of_others_newest_first_then_in_robot_order(kno
         )
         if robot != "r2" and 40 - tick <= age
     ]
-    assert to_pass_on(track, 40, 1, TEAM, age) == tuple(expected[:RELAYED_MAX])
+    assert detections_to_relay(track, 40, 1, TEAM, age) == tuple(expected[:RELAYED_MAX])
 
 
 def test_a_detection_that_left_the_window_is_not_passed_on():
     track = directly([(t, 0, 4.0, 0.0) for t in range(12)], 12, replace(P, window_ticks=5))
-    assert [report[1] for report in to_pass_on(track, 11, 1, TEAM, 10)] == [11, 10, 9, 8, 7]
+    assert [report[1] for report in detections_to_relay(track, 11, 1, TEAM, 10)] == [
+        11,
+        10,
+        9,
+        8,
+        7,
+    ]
 
 
 def test_each_detection_is_taken_from_packets_once_and_never_the_own_or_one_of_now():
@@ -171,7 +177,7 @@ def test_each_detection_is_taken_from_packets_once_and_never_the_own_or_one_of_n
         pose("r2", 4, relayed=(("r3", 3, 1.0, 1.0), ("r1", 3, 2.0, 2.0), ("r4", 2, 3.0, 3.0))),
         pose("r4", 4, relayed=(("r3", 3, 1.0, 1.0), ("r2", 5, 4.0, 4.0))),
     ]
-    assert passed_on(packets, 5, 0, PLACES) == [(3, 2, 1.0, 1.0), (2, 3, 3.0, 3.0)]
+    assert relayed_detections(packets, 5, 0, PLACES) == [(3, 2, 1.0, 1.0), (2, 3, 3.0, 3.0)]
 
 
 def test_what_a_robot_says_itself_counts_before_what_others_say_of_it():
@@ -180,7 +186,7 @@ def test_what_a_robot_says_itself_counts_before_what_others_say_of_it():
     late_rumour = pose("r3", 5, relayed=(("r2", 4, 9.0, 9.0),))
     for packets in ([said, rumour], [rumour, said], [late_rumour, said]):
         sensed = [observation(tick=t) for t in range(7)]
-        state, _ = run_brain(role(), sensed, lambda now, heard=packets: heard if now == 6 else [])
+        state, _ = run_brain(config(), sensed, lambda now, heard=packets: heard if now == 6 else [])
         assert [d for entry in state.track.entries for d in entry.detections] == [(4, 1, 4.0, 2.0)]
 
 
@@ -213,7 +219,7 @@ def relaying_packets(draw, tick):
     ids=["refilter", "ignore", "event"],
 )
 def test_neither_order_nor_copies_of_relaying_packets_matter(changed, packets, data):
-    part = role(**changed)
+    part = config(**changed)
     sensed = [
         observation(tick=t, target=(5.0, 0.25 * t) if t % 4 == 0 else None) for t in range(13)
     ]
@@ -228,7 +234,7 @@ def test_neither_order_nor_copies_of_relaying_packets_matter(changed, packets, d
 @CHEAP
 @given(relaying_packets(12))
 def test_the_filter_is_fed_with_all_that_was_relayed_as_if_told_by_the_origins(packets):
-    part = role()
+    part = config()
     sensed = [observation(tick=t) for t in range(13)]
     state, _ = run_brain(part, sensed, lambda now: packets if now == 12 else [])
     heard = {

@@ -21,9 +21,9 @@ from encircle.protocol.messages import Command
 from encircle.runlog.ground_truth import (
     commands_at,
     estimates_agree,
+    ground_truth_of,
     points_shared,
     ring_centre,
-    tracks_of,
 )
 from encircle.runner.hunts import run
 from encircle.world.recording.recording import read_recording
@@ -109,10 +109,10 @@ def test_a_runs_picture_says_what_it_shows(runs, shown, tmp_path):
     draw_run(runs("sim2"), tmp_path / "t.png")
     (figure,) = shown
     (axes,) = figure.axes
-    tracks = tracks_of(read_recording(runs("sim2")))
+    ground_truth = ground_truth_of(read_recording(runs("sim2")))
     assert (
         axes.get_title(loc="left")
-        == f"Simulation 2: three robots among obstacles\n{tracks.outcome}"
+        == f"Simulation 2: three robots among obstacles\n{ground_truth.outcome}"
     )
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (m)", "y (m)")
     assert axes.get_aspect() == 1.0
@@ -124,11 +124,11 @@ def test_a_runs_picture_says_what_it_shows(runs, shown, tmp_path):
 
 def test_bodies_stand_where_they_ended_and_to_scale(runs, shown, tmp_path):
     draw_run(runs("sim2"), tmp_path / "t.png")
-    tracks = tracks_of(read_recording(runs("sim2")))
+    ground_truth = ground_truth_of(read_recording(runs("sim2")))
     (axes,) = shown[0].axes
-    np.testing.assert_allclose(circles(axes, 0.5), tracks.positions[-1])
-    np.testing.assert_allclose(circles(axes, 1.3), [tracks.target[-1]])
-    for obstacle in tracks.scenario.obstacles:
+    np.testing.assert_allclose(circles(axes, 0.5), ground_truth.positions[-1])
+    np.testing.assert_allclose(circles(axes, 1.3), [ground_truth.target[-1]])
+    for obstacle in ground_truth.scenario.obstacles:
         assert obstacle.position in circles(axes, obstacle.radius_m)
 
 
@@ -177,7 +177,7 @@ def test_robots_differ_without_colour(runs, shown, tmp_path):
 
 def test_a_run_that_was_killed_is_drawn_as_far_as_it_goes(runs, shown, tmp_path):
     directory = cut(runs("sim3"), 0.6, tmp_path / "cut")
-    whole, part = (tracks_of(read_recording(d)) for d in (runs("sim3"), directory))
+    whole, part = (ground_truth_of(read_recording(d)) for d in (runs("sim3"), directory))
     assert 0 < part.last_tick < whole.last_tick
     np.testing.assert_array_equal(part.positions, whole.positions[: part.last_tick + 1])
     draw_run(directory, tmp_path / "t.png")
@@ -192,8 +192,8 @@ def test_a_run_that_was_killed_is_drawn_as_far_as_it_goes(runs, shown, tmp_path)
 def test_a_run_killed_before_its_first_chunk_shows_the_start(runs, tmp_path):
     directory = cut(runs("sim3"), 0.02, tmp_path / "cut")
     assert not read_recording(directory).messages
-    tracks = tracks_of(read_recording(directory))
-    np.testing.assert_array_equal(tracks.robots[0], tracks.scenario.team.positions)
+    ground_truth = ground_truth_of(read_recording(directory))
+    np.testing.assert_array_equal(ground_truth.robots[0], ground_truth.scenario.team.positions)
     assert draw_run(directory, tmp_path / "t.png").stat().st_size > 10_000
 
 
@@ -206,20 +206,20 @@ def test_starts_are_labelled_in_trajectories(runs, shown, tmp_path):
 
 def test_snapshots_show_trails_up_to_their_ticks(runs, shown, tmp_path):
     recording = read_recording(runs("sim1"))
-    tracks = tracks_of(recording)
-    ticks = [0, 7, 12, tracks.last_tick]
+    ground_truth = ground_truth_of(recording)
+    ticks = [0, 7, 12, ground_truth.last_tick]
     draw_snapshots(recording, ticks, tmp_path / "fig3.png", ("", "told", "", ""))
     titles = [axes.get_title() for axes in shown[0].axes]
     assert titles == ["(a) tick 0", "(b) tick 7: told", "(c) tick 12", f"(d) tick {ticks[3]}"]
     for tick, axes in zip(ticks, shown[0].axes, strict=True):
-        np.testing.assert_allclose(circles(axes, 0.5), tracks.positions[tick])
+        np.testing.assert_allclose(circles(axes, 0.5), ground_truth.positions[tick])
         assert len(circles(axes, 6.0)) == 5
         assert max(len(line.get_xdata()) for line in axes.lines) == tick + 1
 
 
 def test_the_ring_is_drawn_while_robots_encircle(runs, shown, tmp_path):
     recording = read_recording(runs("sim1"))
-    last = tracks_of(recording).last_tick
+    last = ground_truth_of(recording).last_tick
     draw_snapshots(recording, [0, 5, last - 1, last], tmp_path / "fig3.png")
     first, encircling, shrinking, captured = (circles(axes, 4.0) for axes in shown[0].axes)
     assert first == [(0.0, 0.0)]  # r1 alone knows of the target: the ring is about its estimate
@@ -265,23 +265,23 @@ def test_execution_times_are_those_of_the_table(shown, tmp_path):
 
 @pytest.mark.parametrize("name", ["sim1", "sim2"])
 def test_who_sees_whom_and_gaps_agree_with_plain_geometry(runs, name):
-    tracks = tracks_of(read_recording(runs(name)))
-    fixed = [(o.position, o.radius_m) for o in tracks.scenario.obstacles]
+    ground_truth = ground_truth_of(read_recording(runs(name)))
+    fixed = [(o.position, o.radius_m) for o in ground_truth.scenario.obstacles]
     least = inf
-    for row in range(0, len(tracks.ticks), 4):
-        places = tracks.positions[row].tolist()
+    for row in range(0, len(ground_truth.ticks), 4):
+        places = ground_truth.positions[row].tolist()
         for i, a in enumerate(places):
             for k, b in enumerate(places):
                 if i != k:
                     clear = all(_distance_to_segment(o, a, b) >= r for o, r in fixed)
-                    assert tracks.visible[row, i, k] == (dist(a, b) <= 6.0 and clear)
-                    assert tracks.gaps[row, i, k] == pytest.approx(dist(a, b) - 1.0)
-    for places in tracks.positions.tolist():
+                    assert ground_truth.visible[row, i, k] == (dist(a, b) <= 6.0 and clear)
+                    assert ground_truth.gaps[row, i, k] == pytest.approx(dist(a, b) - 1.0)
+    for places in ground_truth.positions.tolist():
         bodies = [(p, 0.5) for p in places]
         for i, (a, ra) in enumerate(bodies):
             for b, rb in [*bodies[:i], *fixed]:
                 least = min(least, dist(a, b) - ra - rb)
-    assert tracks.least_gap()[0] == pytest.approx(least, abs=1e-12)
+    assert ground_truth.least_gap()[0] == pytest.approx(least, abs=1e-12)
 
 
 def _distance_to_segment(point, a, b):
@@ -310,17 +310,17 @@ def test_without_a_common_ring_its_centre_is_the_mean_estimate():
 
 def test_facts_from_commands(runs):
     recording = read_recording(runs("sim3"))
-    tracks = tracks_of(recording)
-    (moved,) = tracks.moved_by_hand
-    caught_up = estimates_agree(recording, tracks, moved, 0.5)
+    ground_truth = ground_truth_of(recording)
+    (moved,) = ground_truth.moved_by_hand
+    caught_up = estimates_agree(recording, ground_truth, moved, 0.5)
     assert moved < caught_up < moved + 20
     for tick in (moved, caught_up):
-        off = [dist(c.estimate, tracks.target[tick]) for c in commands_at(recording, tick)]
+        off = [dist(c.estimate, ground_truth.target[tick]) for c in commands_at(recording, tick)]
         assert (max(off) <= 0.5) == (tick == caught_up)
     shared, ticks = points_shared(recording)
     encircling = [
         [c.goal for c in commands_at(recording, t) if c.mode == "encircle"]
-        for t in range(tracks.last_tick)
+        for t in range(ground_truth.last_tick)
     ]
     assert ticks == sum(len(goals) >= 2 for goals in encircling)
     assert shared == sum(
@@ -330,10 +330,14 @@ def test_facts_from_commands(runs):
 
 
 def test_headings_and_first_sight(runs):
-    tracks = tracks_of(read_recording(runs("sim1")))
-    step = tracks.target[4] - tracks.target[3]
-    angle = tracks.heading_rad(3)
+    ground_truth = ground_truth_of(read_recording(runs("sim1")))
+    step = ground_truth.target[4] - ground_truth.target[3]
+    angle = ground_truth.heading_rad(3)
     np.testing.assert_allclose((0.2 * cos(angle), 0.2 * sin(angle)), step, atol=1e-5)
-    near = [t for t in tracks.ticks if dist(tracks.robots[t, 2], tracks.target[t]) <= 6.0]
-    assert tracks.first_sight("r3") == near[0] > 0
-    assert -pi / 4 < tracks.heading_rad(0) < pi / 4
+    near = [
+        t
+        for t in ground_truth.ticks
+        if dist(ground_truth.robots[t, 2], ground_truth.target[t]) <= 6.0
+    ]
+    assert ground_truth.first_sight("r3") == near[0] > 0
+    assert -pi / 4 < ground_truth.heading_rad(0) < pi / 4

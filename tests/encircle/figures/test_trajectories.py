@@ -17,7 +17,7 @@ from matplotlib.image import imread
 
 from encircle.figures import figures
 from encircle.figures.figures import draw_run
-from encircle.runlog.ground_truth import tracks_of
+from encircle.runlog.ground_truth import ground_truth_of
 from encircle.runner.hunts import run
 from encircle.world.recording.recording import read_recording
 
@@ -68,7 +68,7 @@ def hunts(tmp_path_factory):
             out = tmp_path_factory.mktemp(name) / "run"
             scenario, changes = CASES[name]
             done = run(scenario, link="memory", out=out, overrides=changes)
-            made[name] = (done, tracks_of(read_recording(out)), _drawn(out))
+            made[name] = (done, ground_truth_of(read_recording(out)), _drawn(out))
         return made[name]
 
     return hunt
@@ -104,18 +104,18 @@ def numerals_of(figure):
     return [(int(t.get_text()), t.xy, t) for t in texts if t.get_text().isdigit()]
 
 
-def shown(tracks):
+def shown(ground_truth):
     """All places of bodies, in m."""
-    return tracks.positions.reshape(-1, 2)
+    return ground_truth.positions.reshape(-1, 2)
 
 
 @pytest.mark.parametrize("name", SPREAD_OUT)
 def test_what_happened_fills_the_axes(hunts, name):
-    _, tracks, figure = hunts(name)
+    _, ground_truth, figure = hunts(name)
     (axes,) = figure.axes
-    fixed = [np.array(o.position) for o in tracks.scenario.obstacles]
+    fixed = [np.array(o.position) for o in ground_truth.scenario.obstacles]
     corners = [p + s for p in fixed for s in (-0.8, 0.8)]
-    places = np.vstack([shown(tracks), *corners])
+    places = np.vstack([shown(ground_truth), *corners])
     box = axes.transData.transform([places.min(axis=0), places.max(axis=0)])
     share = np.prod(box[1] - box[0]) / (axes.bbox.width * axes.bbox.height)
     assert share > 0.75
@@ -124,9 +124,11 @@ def test_what_happened_fills_the_axes(hunts, name):
 
 @pytest.mark.parametrize(("name", "along"), [("chase", 0), ("tall", 1)])
 def test_a_long_thin_hunt_makes_a_long_thin_picture(hunts, name, along):
-    _, tracks, figure = hunts(name)
+    _, ground_truth, figure = hunts(name)
     (axes,) = figure.axes
-    box = axes.transData.transform([shown(tracks).min(axis=0), shown(tracks).max(axis=0)])
+    box = axes.transData.transform(
+        [shown(ground_truth).min(axis=0), shown(ground_truth).max(axis=0)]
+    )
     sizes = axes.bbox.size
     assert (box[1] - box[0])[along] > 0.88 * sizes[along]
     assert sizes[along] > 3.5 * sizes[1 - along]
@@ -143,7 +145,7 @@ def test_a_metre_is_as_long_upwards_as_across_and_axes_have_units(hunts, name):
 
 @pytest.mark.parametrize("name", [*SIMULATIONS, "chase", "unicycle", "silent", "lost"])
 def test_times_are_numbered_at_the_same_ticks_for_all(hunts, name):
-    _, tracks, figure = hunts(name)
+    _, ground_truth, figure = hunts(name)
     numerals = numerals_of(figure)
     ticks = sorted({number for number, _, _ in numerals})
     steps = {b - a for a, b in pairwise([0, *ticks])}
@@ -152,10 +154,10 @@ def test_times_are_numbered_at_the_same_ticks_for_all(hunts, name):
     assert f"every {step} ticks, numbered" in entries_of(figure)
     for tick in ticks:
         places = {place for number, place, _ in numerals if number == tick}
-        wanted = {tuple(place) for place in tracks.positions[tracks.row(tick)].tolist()}
+        wanted = {tuple(place) for place in ground_truth.positions[ground_truth.row(tick)].tolist()}
         assert places <= wanted
     # Where all are at the target there may be no room for one or two.
-    assert len(numerals) >= 0.9 * len(ticks) * tracks.positions.shape[1]
+    assert len(numerals) >= 0.9 * len(ticks) * ground_truth.positions.shape[1]
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -175,12 +177,12 @@ def test_no_label_covers_another_or_the_legend_or_leaves_the_axes(hunts, name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_legend_is_in_the_picture_and_covers_nothing_that_happened(hunts, name):
-    _, tracks, figure = hunts(name)
+    _, ground_truth, figure = hunts(name)
     box = legend_of(figure).get_window_extent()
     assert 0.0 <= box.x0 < box.x1 <= figure.bbox.width + 1.0
     assert 0.0 <= box.y0 < box.y1 <= figure.bbox.height + 1.0
     (axes,) = figure.axes
-    for x, y in axes.transData.transform(shown(tracks)):
+    for x, y in axes.transData.transform(shown(ground_truth)):
         assert not (box.x0 <= x <= box.x1 and box.y0 <= y <= box.y1)
 
 
@@ -196,7 +198,7 @@ def test_the_title_and_the_axes_labels_are_in_the_picture(hunts, name):
 
 @pytest.mark.parametrize(("name", "needed"), [("fewer", 3), ("many", 5), ("lost", 3)])
 def test_it_says_and_shows_who_captured_when_not_all_did(hunts, name, needed):
-    hunt, tracks, figure = hunts(name)
+    hunt, ground_truth, figure = hunts(name)
     assert hunt.captured
     last = hunt.result.distances_m
     away = {robot for _, robot, what in hunt.result.departures if what.startswith("lost")}
@@ -208,7 +210,7 @@ def test_it_says_and_shows_who_captured_when_not_all_did(hunts, name, needed):
     assert title.endswith(f" by {', '.join(captors)} ({needed} needed)")
     assert "captured it" in entries_of(figure)
     discs = {tuple(p.center): p.get_facecolor() for p in figure.axes[0].patches}
-    for robot, place in zip(hunt.scenario.ids, tracks.robots[-1].tolist(), strict=True):
+    for robot, place in zip(hunt.scenario.ids, ground_truth.robots[-1].tolist(), strict=True):
         white = discs[tuple(place)] == (1.0, 1.0, 1.0, 1.0)
         assert white == (robot not in captors)
 
@@ -223,32 +225,34 @@ def test_where_all_captured_or_none_nobody_is_named(hunts, name):
 
 
 def test_silence_is_marked_where_it_was_and_when(hunts):
-    _, tracks, figure = hunts("silent")
+    _, ground_truth, figure = hunts("silent")
     assert "radio off" in entries_of(figure)
     (entry,) = [h for h in legend_of(figure).legend_handles if h.get_label() == "radio off"]
     under = [x for x in figure.axes[0].lines if x.get_color() == entry.get_color()]
-    last = tracks.last_tick
+    last = ground_truth.last_tick
     for line, (robot, first, after) in zip(under, [(1, 5, 15), (3, 12, last)], strict=True):
-        np.testing.assert_array_equal(line.get_xydata(), tracks.robots[first : after + 1, robot])
+        np.testing.assert_array_equal(
+            line.get_xydata(), ground_truth.robots[first : after + 1, robot]
+        )
     labels = labels_of(figure)
     for said, robot, tick in (("off 5", 1, 5), ("on 15", 1, 15), ("off 12", 3, 12)):
-        assert dist(labels[said].xy, tracks.robots[tick, robot]) < 1e-9
+        assert dist(labels[said].xy, ground_truth.robots[tick, robot]) < 1e-9
     assert not any(said.startswith("on ") for said in labels if said != "on 15")
 
 
 def test_losses_are_marked_as_the_result_tells_them(hunts):
-    hunt, tracks, figure = hunts("lost")
+    hunt, ground_truth, figure = hunts("lost")
     assert "lost" in entries_of(figure)
     labels = labels_of(figure)
     assert {what.partition(":")[0] for _, _, what in hunt.result.departures} == {"lost", "back"}
     for tick, robot, what in hunt.result.departures:
-        place = tracks.robots[tick, hunt.scenario.ids.index(robot)]
+        place = ground_truth.robots[tick, hunt.scenario.ids.index(robot)]
         assert dist(labels[f"{what.partition(':')[0]} {tick}"].xy, place) < 1e-9
     # A robot that is lost has no radio that could be off.
-    assert dist(labels["off 18"].xy, tracks.robots[18, 1]) < 1e-9
-    assert tracks.silent.sum() == 2
-    for robot, span in ((3, range(8, 17)), (1, range(20, tracks.last_tick + 1))):
-        assert np.flatnonzero(tracks.lost[:, robot]).tolist() == list(span)
+    assert dist(labels["off 18"].xy, ground_truth.robots[18, 1]) < 1e-9
+    assert ground_truth.silent.sum() == 2
+    for robot, span in ((3, range(8, 17)), (1, range(20, ground_truth.last_tick + 1))):
+        assert np.flatnonzero(ground_truth.lost[:, robot]).tolist() == list(span)
 
 
 @pytest.mark.parametrize("share", [0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
@@ -256,7 +260,7 @@ def test_nobody_is_taken_for_lost_where_a_recording_breaks_off(tmp_path, share):
     run("sim1", link="memory", out=tmp_path / "whole")
     whole = (tmp_path / "whole" / "recording.mcap").read_bytes()
     (tmp_path / "recording.mcap").write_bytes(whole[: int(share * len(whole))])
-    assert not tracks_of(read_recording(tmp_path)).lost.any()
+    assert not ground_truth_of(read_recording(tmp_path)).lost.any()
 
 
 def test_robots_of_one_colour_differ_in_line_and_marker(tmp_path):

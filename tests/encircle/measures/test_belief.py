@@ -147,12 +147,12 @@ def test_the_robots_filter_is_consistent_if_told_the_true_noise_and_not_if_told_
     ticks, noise_m, rng = 3000, 0.05, np.random.default_rng(2)
     told = Parameters(measurement_m_std=claimed * noise_m, acceleration_mps2_std=0.5)
     velocity = rng.normal(0.0, told.velocity_mps_std, 2)
-    place, track = np.zeros(2), kalman.NO_TRACK
+    place, track = np.zeros(2), kalman.EMPTY_TRACK
     target, rows = [], []
     for tick in range(ticks + 1):
         target.append(place)
         seen = place + rng.normal(0.0, noise_m, 2)
-        track = kalman.fold(track, [(tick, 0, *seen.tolist())], tick, TICK_S, told)
+        track = kalman.incorporate(track, [(tick, 0, *seen.tolist())], tick, TICK_S, told)
         rows.append((*track.estimate[:4], *track.estimate.covariance))
         acceleration = rng.normal(0.0, 0.5, 2)
         place = place + TICK_S * velocity + TICK_S**2 / 2 * acceleration

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from encircle.measures.registry import MEASURES, measure
-from encircle.runlog.ground_truth import points_shared, tracks_of
+from encircle.runlog.ground_truth import ground_truth_of, points_shared
 from encircle.runlog.recorded_log import log_of_recording
-from encircle.runlog.runlog import Collector
+from encircle.runlog.runlog import RunLogCollector
 from encircle.runner.hunts import run
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena.engine import build
@@ -148,10 +148,10 @@ def recorded(tmp_path_factory):
 
 def test_measures_of_a_run_agree_with_its_result_and_its_tracks(recorded):
     hunt, recording = recorded
-    found, result, tracks = (
+    found, result, ground_truth = (
         measure(log_of_recording(recording)),
         hunt.result,
-        tracks_of(recording),
+        ground_truth_of(recording),
     )
     assert found["captured"] == float(result.captured)
     assert found["capture_tick"] == result.capture_tick
@@ -159,8 +159,8 @@ def test_measures_of_a_run_agree_with_its_result_and_its_tracks(recorded):
     assert found["delivery_ratio"] == pytest.approx(1 - lost / result.packets_sent)
     assert found["messages_sent"] * (len(hunt.scenario.ids) - 1) == result.packets_sent
     assert found["contacts"] == result.contacts
-    assert found["separation_m_min"] == pytest.approx(tracks.least_gap()[0], abs=1e-12)
-    assert found["separation_robots_m_min"] == pytest.approx(tracks.gaps[:, :3, :3].min())
+    assert found["separation_m_min"] == pytest.approx(ground_truth.least_gap()[0], abs=1e-12)
+    assert found["separation_robots_m_min"] == pytest.approx(ground_truth.gaps[:, :3, :3].min())
     shared, ticks = points_shared(recording)
     assert found["conflict_share"] == pytest.approx(shared / ticks)
     assert found["ring_tick"] <= found["capture_tick"]
@@ -169,7 +169,7 @@ def test_measures_of_a_run_agree_with_its_result_and_its_tracks(recorded):
 
 def test_a_nearest_gap_is_that_of_the_worlds_own_geometry(recorded):
     hunt, recording = recorded
-    log, arena = log_of_recording(recording), tracks_of(recording).arena
+    log, arena = log_of_recording(recording), ground_truth_of(recording).arena
     fixed = [obstacle.position for obstacle in hunt.scenario.obstacles]
     gaps = [geometry(np.array([*row, *fixed]), arena.radii, 4).gaps for row in log.positions]
     assert measure(log, ["separation_m_min"])["separation_m_min"] == pytest.approx(np.min(gaps))
@@ -182,8 +182,8 @@ def test_more_loss_means_older_information_and_worse_beliefs():
         changes = [f"channel.loss={{model='bernoulli', rate={rate}}}", "sensing.noise_m_std=0.05"]
         scenario, found = load("sim1", changes), []
         for seed in range(5):
-            collector = Collector()
-            run_in_memory(build(scenario, seed), "loss", lambda line: None, watch=collector)
+            collector = RunLogCollector()
+            run_in_memory(build(scenario, seed), "loss", lambda line: None, observer=collector)
             found.append(measure(collector.log()))
         rows.append({name: np.mean([f[name] for f in found]) for name in MEASURES})
     for name in ("age_ticks_mean", "age_ticks_max", "peer_error_m_rms", "peer_missing_share"):

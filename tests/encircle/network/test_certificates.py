@@ -19,7 +19,7 @@ from encircle.network.certificates import CertificateError, describe, make_certi
 from encircle.protocol.zenoh.access_control import identity_in
 from encircle.protocol.zenoh.endpoints import Identity
 
-PARTIES = ("router", "world", "viewer", "r1", "r2")
+NODE_KINDS = ("router", "world", "viewer", "r1", "r2")
 DAY = timedelta(days=1)
 FLIGHTS_MAX = 10
 
@@ -61,7 +61,7 @@ def handshake(server: Identity, client: Identity, host: str) -> None:
 @pytest.mark.parametrize("host", ["localhost", "127.0.0.1", "::1", "lab.local", "10.1.2.3"])
 @pytest.mark.parametrize("server", ["router", "world"])
 def test_every_party_gets_a_connection_to_router_and_world_by_every_name(lab, server, host):
-    for client in PARTIES:
+    for client in NODE_KINDS:
         handshake(identity_in(lab.directory, server), identity_in(lab.directory, client), host)
 
 
@@ -105,7 +105,7 @@ def test_a_key_does_not_go_with_another_certificate(lab):
 
 def test_there_is_a_file_for_each_thing_and_only_their_owner_reads_keys(lab):
     made = {p.relative_to(lab.directory).as_posix(): p for p in lab.directory.rglob("*")}
-    ends = {f"{name}.{end}" for name in PARTIES for end in ("pem", "key")}
+    ends = {f"{name}.{end}" for name in NODE_KINDS for end in ("pem", "key")}
     others = {".gitignore", "authority.pem", "keep-apart", "keep-apart/authority.key"}
     assert set(made) == ends | others
     assert made[".gitignore"].read_text() == "*\n"
@@ -116,13 +116,13 @@ def test_there_is_a_file_for_each_thing_and_only_their_owner_reads_keys(lab):
 
 
 def test_common_names_are_the_ids_and_validity_is_what_is_stated(lab):
-    for name in PARTIES:
+    for name in NODE_KINDS:
         found = certificate(lab, name)
         assert [a.value for a in found.subject] == [name]
         assert found.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == name
         assert (found.not_valid_before_utc, found.not_valid_after_utc) == lab[-2:]
     assert timedelta(days=30) < lab.not_after - lab.not_before < timedelta(days=31)
-    assert all(name in describe(lab) for name in (*PARTIES, f"{lab.not_after:%Y-%m-%d}"))
+    assert all(name in describe(lab) for name in (*NODE_KINDS, f"{lab.not_after:%Y-%m-%d}"))
 
 
 def test_the_authority_signs_ends_only_and_outlives_what_it_signed(lab):
@@ -135,7 +135,7 @@ def test_the_authority_signs_ends_only_and_outlives_what_it_signed(lab):
     assert not usage.digital_signature
     key = load_pem_private_key(lab.authority_key.read_bytes(), None)
     assert key.public_key() == authority.public_key()
-    for name in PARTIES:
+    for name in NODE_KINDS:
         found = certificate(lab, name)
         found.verify_directly_issued_by(authority)
         assert authority.not_valid_before_utc <= found.not_valid_before_utc
@@ -145,7 +145,7 @@ def test_the_authority_signs_ends_only_and_outlives_what_it_signed(lab):
 
 def test_uses_and_names_are_those_of_the_part_played(lab):
     client, server = ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH
-    for name in PARTIES:
+    for name in NODE_KINDS:
         extensions = certificate(lab, name).extensions
         serves = name in ("router", "world")
         uses = set(extensions.get_extension_for_class(x509.ExtendedKeyUsage).value)
@@ -158,7 +158,7 @@ def test_uses_and_names_are_those_of_the_part_played(lab):
 
 
 def test_no_two_keys_or_numbers_are_the_same(lab):
-    found = [certificate(lab, name) for name in ("authority", *PARTIES)]
+    found = [certificate(lab, name) for name in ("authority", *NODE_KINDS)]
     assert len({c.public_key().public_numbers() for c in found}) == len(found)
     assert len({c.serial_number for c in found}) == len(found)
 

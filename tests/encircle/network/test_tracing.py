@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from encircle.cli.main import app
 from encircle.network.tracing import NetworkTrace, Row, TraceFileError, trace_of, write_trace
-from encircle.network.transport import show, traffic_of
+from encircle.network.transport import ledger_of, show
 from encircle.runlog.recorded_log import log_of_recording
 from encircle.runner.hunts import run
 from encircle.world.loading.trace_files import read_trace, rows_of
@@ -33,10 +33,10 @@ def recorded(tmp_path_factory):
 
 
 def test_the_ledger_of_a_recording_is_that_of_the_run(recorded):
-    read = traffic_of(read_recording(recorded.out))
-    assert read.stays == recorded.world.traffic.stays
-    assert read.injected == recorded.world.traffic.injected
-    assert links_of(read) == links_of(recorded.world.traffic)
+    read = ledger_of(read_recording(recorded.out))
+    assert read.participations == recorded.world.ledger.participations
+    assert read.injected == recorded.world.ledger.injected
+    assert links_of(read) == links_of(recorded.world.ledger)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])

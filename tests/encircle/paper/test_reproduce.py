@@ -13,7 +13,7 @@ from scipy import stats
 
 from encircle.paper import execution_times as times_module
 from encircle.paper import reproduce as reproduce_module
-from encircle.paper.claims import Finding, Holds, Simulation, solid_finding
+from encircle.paper.claims import ClaimCheck, ClaimStatus, Simulation, solid_finding
 from encircle.paper.execution_times import (
     CONFIDENCE_EACH,
     JITTER_M,
@@ -166,10 +166,10 @@ def test_a_directory_that_is_not_empty_is_refused_and_left_alone(tmp_path):
 
 def test_text_marks_what_holds_and_what_does_not():
     findings = (
-        Finding(Holds.YES, "so"),
-        Finding(Holds.NO, "not " * 40),
-        Finding(Holds.UNDECIDED, "who knows"),
-        Finding(Holds.NO_CLAIM, "beside"),
+        ClaimCheck(ClaimStatus.YES, "so"),
+        ClaimCheck(ClaimStatus.NO, "not " * 40),
+        ClaimCheck(ClaimStatus.UNDECIDED, "who knows"),
+        ClaimCheck(ClaimStatus.NO_CLAIM, "beside"),
     )
     simulation = Simulation("sim1", "claims", Path("f.png"), findings, {"title": "One"}, ("table",))
     report = Report(Path("out"), 3, 1.0, (simulation,))
@@ -185,9 +185,12 @@ def test_text_marks_what_holds_and_what_does_not():
 def test_an_overlap_would_be_reported_as_one():
     found = {"least_gap_m": -0.002, "least_gap_pair": ["r1", "r2"], "least_gap_tick": 7}
     finding = solid_finding({**found, "contact_ticks": {}})
-    assert finding.holds is Holds.NO
+    assert finding.holds is ClaimStatus.NO
     assert "overlapped by 2.000 mm: r1 and r2 at tick 7" in finding.text
-    assert solid_finding({**found, "least_gap_m": 0.0, "contact_ticks": {}}).holds is Holds.NO_CLAIM
+    assert (
+        solid_finding({**found, "least_gap_m": 0.0, "contact_ticks": {}}).holds
+        is ClaimStatus.NO_CLAIM
+    )
 
 
 def test_jitter_is_bounded_paired_and_different_for_every_seed():
@@ -314,9 +317,11 @@ def test_the_faster_target_escapes_more_often_only_if_the_interval_says_so(
     )
     monkeypatch.setattr(reproduce_module, "draw_trajectories", lambda _recording, path: path)
     scenario = load("sim4")
-    tracks = SimpleNamespace(scenario=scenario, captured=True, outcome="captured")
+    ground_truth = SimpleNamespace(scenario=scenario, captured=True, outcome="captured")
     facts = {"least_gap_m": 0.1, "least_gap_pair": ["r1", "r2"], "least_gap_tick": 1}
-    found = _simulation_4(tmp_path, None, tracks, {**facts, "contact_ticks": {}}, 60, no_progress)
+    found = _simulation_4(
+        tmp_path, None, ground_truth, {**facts, "contact_ticks": {}}, 60, no_progress
+    )
     (claim,) = (one for one in found.findings if one.text.startswith("the faster"))
     assert claim.holds == mark
 
@@ -328,7 +333,7 @@ def test_runs_without_capture_are_told_where_they_happened():
     assert found.missed.tolist() == [[0, 0, 0, 0], [0, 0, 2, 0]]
     assert "xi = 0 10, xi = 1 10, xi = 3 8, xi* 10" in _fulfilled(found)
     assert "of 2 without capture 2 end with the target surrounded" in _fulfilled(found)
-    assert table(ticks, farthest_m=9.0).held == 0
+    assert table(ticks, farthest_m=9.0).surrounded == 0
     assert "surrounded" not in _fulfilled(table(np.full((1, 4, 2), 32)))
     rows = [line for line in _table(found) if line.endswith("]") or "(" in line]
     assert [row.count("(2)") for row in rows if row.strip().startswith(("0.0", "1.0"))] == [0, 1]

@@ -54,7 +54,7 @@ def test_a_robot_that_is_lost_and_back_begins_anew(tmp_path, radio):
     assert found.unchecked == ()
     assert 8 * 98 - 2 * 31 <= found.compared <= 8 * 100 - 2 * 30
     # The gap in its numbering is no loss: nobody was there to send.
-    links = links_of(played.world.traffic)
+    links = links_of(played.world.ledger)
     assert all(link.lost == 0 for link in links)
 
 

@@ -10,7 +10,7 @@ from helpers_scenarios import scenario_of
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.messages import QUANTUM_M, Command, Pose, Radio, State
 from encircle.runlog.recorded_log import log_of_messages, log_of_recording
-from encircle.runlog.runlog import Collector, RunLog
+from encircle.runlog.runlog import RunLog, RunLogCollector
 from encircle.runner.hunts import run
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena.engine import build
@@ -38,13 +38,13 @@ DATA = [f.name for f in fields(RunLog) if f.init]
 def hunted(scenario, changes=(), seed=2, name=NAME):
     """A hunt in memory: its scenario, messages, result, and log as collected."""
     loaded = scenario if isinstance(scenario, Scenario) else load(scenario, changes)
-    messages, collector = [], Collector()
+    messages, collector = [], RunLogCollector()
     result = run_in_memory(
         build(loaded, seed),
         name,
         lambda line: None,
         lambda *message: messages.append(message),
-        watch=collector,
+        observer=collector,
     )
     return loaded, messages, result, collector.log()
 

@@ -15,12 +15,12 @@ from helpers_waiting import communicated
 
 import encircle
 from encircle.agents.brain.robot_core import RobotCore
-from encircle.agents.policies.decision_check import checked
-from encircle.agents.policies.strategies import Choice, strategy_named
+from encircle.agents.policies.decision_check import validated
+from encircle.agents.policies.policies import Decision, policy_named
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import FAILED, Command, Setup
-from encircle.protocol.plugins import BadAnswer, PluginFailed
+from encircle.protocol.plugins import InvalidPluginResult, PluginFailed
 from encircle.replay.replaying import replay
 from encircle.runner.launch import RunFailed, free_endpoint
 from encircle.world.arena.engine import build
@@ -32,11 +32,11 @@ from encircle.world.targets.behaviours import behaviour_named
 
 SOURCE = """
 from math import nan
-from encircle.agents.policies.strategies import Choice
+from encircle.agents.policies.policies import Decision
 
 
 def chase(view, step=(0.1, 0.0), **other):
-    return Choice("chase", step, view.target, **other)
+    return Decision("chase", step, view.target, **other)
 
 
 def raises(view):
@@ -97,7 +97,7 @@ SAID = {
     "leaves": "SystemExit: enough",
     "nan_step": "answered step = (nan, 0.0): must be two numbers",
     "long_step": "answered step = (0.1, 0.0, 0.0): must be two numbers",
-    "no_choice": "answered (0.1, 0.0): must be a Choice",
+    "no_choice": "answered (0.1, 0.0): must be a Decision",
     "wild_point": "answered point = -1: must be the number of a point",
     "tires": "RuntimeError: tired",
     "nan_target": "answered step = (nan, 0.0): must be two numbers",
@@ -119,7 +119,7 @@ def installed(tmp_path_factory, monkeypatch):
     yield folder
     plugins.forget(folder)
     behaviour_named.cache_clear()
-    strategy_named.cache_clear()
+    policy_named.cache_clear()
 
 
 def scenario(name, **changes):
@@ -214,7 +214,7 @@ def started_by_hand(name, folder):
     """World and robots, each started by itself: name to (status, what it said on stderr)."""
     endpoint = free_endpoint()
     tree = scenario(name)
-    parties = {
+    nodes = {
         "world": command(
             *("world", "failing.json", "--listen", endpoint, "--run", "hand", "--out", "out"),
             scenario=tree,
@@ -223,9 +223,9 @@ def started_by_hand(name, folder):
     }
     for robot in ("r1", "r2", "r3"):
         words = ("robot", robot, "--connect", endpoint, "--run", "hand")
-        parties[robot] = command(*words, folder=folder)
-    said = {who: communicated(process)[1] for who, process in parties.items()}
-    return {who: (process.returncode, said[who]) for who, process in parties.items()}
+        nodes[robot] = command(*words, folder=folder)
+    said = {who: communicated(process)[1] for who, process in nodes.items()}
+    return {who: (process.returncode, said[who]) for who, process in nodes.items()}
 
 
 def test_started_by_hand_the_robot_says_it_and_the_world_says_whom_to_ask(tmp_path):
@@ -259,7 +259,7 @@ def test_a_strategy_that_cannot_be_loaded_ends_the_robot_with_status_2(tmp_path,
     (tmp_path / "half.json").write_text(json.dumps(tree))
     words = {"world": ("world", "half.json", "--listen", endpoint)}
     words |= {robot: ("robot", robot, "--connect", endpoint) for robot in ("r1", "r2", "r3")}
-    parties = {
+    nodes = {
         who: subprocess.Popen(
             [sys.executable, "-m", "encircle", *said, "--run", "half"],
             stderr=subprocess.PIPE,
@@ -270,12 +270,12 @@ def test_a_strategy_that_cannot_be_loaded_ends_the_robot_with_status_2(tmp_path,
         )
         for who, said in words.items()
     }
-    said = {who: communicated(process)[1] for who, process in parties.items()}
-    assert parties["world"].returncode == 1
+    said = {who: communicated(process)[1] for who, process in nodes.items()}
+    assert nodes["world"].returncode == 1
     assert "has failed at tick 0, and says itself how" in said["world"]
     failed = [who for who in ("r1", "r2", "r3") if "half:chase of half 1.0 cannot be" in said[who]]
     assert failed
-    assert all(parties[who].returncode == 2 for who in failed)
+    assert all(nodes[who].returncode == 2 for who in failed)
 
 
 @pytest.mark.parametrize(
@@ -353,7 +353,7 @@ def test_a_recording_of_a_plug_in_that_is_missing_here_says_so(tmp_path, monkeyp
 
 def test_a_robot_that_has_failed_says_so_whatever_it_is_asked_until_it_is_set_up_anew():
     told = []
-    core = RobotCore("r1", "run", tell_failure=told.append)
+    core = RobotCore("r1", "run", report_failure=told.append)
 
     def set_up(strategy):
         setup = Setup("r1", ("r1", "r2"), 0.1, strategy, BODIES, "world", 0, 0)
@@ -391,7 +391,7 @@ def test_only_who_is_asked_can_fail_a_run():
     assert failed("r1", 0) == []
 
 
-GOOD = Choice("mode", (0.1, 0.2), (1.0, 2.0), 1.0, 2, "spline")
+GOOD = Decision("mode", (0.1, 0.2), (1.0, 2.0), 1.0, 2, "spline")
 
 
 class _Rude:
@@ -416,19 +416,19 @@ class _Rude:
 )
 def test_a_choice_with_a_value_that_cannot_be_is_refused_by_name(name, values):
     for value in values:
-        with pytest.raises(BadAnswer, match=rf"^{name} = |^{name} = a _Rude"):
-            checked(GOOD._replace(**{name: value}))
+        with pytest.raises(InvalidPluginResult, match=rf"^{name} = |^{name} = a _Rude"):
+            validated(GOOD._replace(**{name: value}))
 
 
 @pytest.mark.parametrize("given", [None, 3, "x", (1, 2), {}, _Rude()])
 def test_what_is_no_choice_is_refused(given):
-    with pytest.raises(BadAnswer, match="must be a Choice"):
-        checked(given)
+    with pytest.raises(InvalidPluginResult, match="must be a Decision"):
+        validated(given)
 
 
 def test_what_numpy_makes_is_as_good_as_plain_numbers():
-    given = Choice("mode", np.array([0.1, 0.2]), [1, 2.0], np.float64(1.0), np.int64(2), "spline")
-    assert checked(given) == GOOD
-    assert set(map(type, checked(given).step)) == {float}
-    assert type(checked(given).point) is int
-    assert checked(GOOD) == GOOD
+    given = Decision("mode", np.array([0.1, 0.2]), [1, 2.0], np.float64(1.0), np.int64(2), "spline")
+    assert validated(given) == GOOD
+    assert set(map(type, validated(given).step)) == {float}
+    assert type(validated(given).point) is int
+    assert validated(GOOD) == GOOD

@@ -9,7 +9,7 @@ from helpers_intervals import holds, paired_flags, wilson
 from scipy import stats
 
 from encircle.statistics import comparisons
-from encircle.statistics.comparisons import Decision, Difference
+from encircle.statistics.comparisons import Difference, Verdict
 from encircle.statistics.intervals import Interval
 
 
@@ -110,7 +110,7 @@ def test_pairs_with_an_undefined_value_are_dropped():
         one = compare([1.0], [2.0])
         assert one.p == 1.0
         assert isnan(one.mean.low)
-        assert one.decision_alone is Decision.UNDECIDED
+        assert one.verdict_alone is Verdict.UNDECIDED
 
 
 def test_differences_that_are_all_the_same_have_no_standardised_size():
@@ -209,7 +209,7 @@ def difference(low, high, p, p_corrected=float("nan")):
 
 
 @pytest.mark.parametrize(
-    ("test", "decision", "alone"),
+    ("test", "verdict", "alone"),
     [
         (difference(1, 3, 0.001, 0.01), "higher", "higher"),
         (difference(-3, -1, 0.001, 0.01), "lower", "lower"),
@@ -221,14 +221,14 @@ def difference(low, high, p, p_corrected=float("nan")):
         (difference(float("nan"), float("nan"), 1.0, 1.0), "undecided", "undecided"),
     ],
 )
-def test_interval_and_p_decide_together(test, decision, alone):
-    assert (test.decision, test.decision_alone) == (decision, alone)
+def test_interval_and_p_decide_together(test, verdict, alone):
+    assert (test.verdict, test.verdict_alone) == (verdict, alone)
 
 
 def test_tests_are_corrected_for_all_that_are_told_together():
     tests = [difference(1, 3, p) for p in (0.01, 0.04, 0.02)]
     assert [test.p_corrected for test in comparisons.corrected(tests)] == [0.03, 0.04, 0.04]
-    assert [test.decision for test in comparisons.corrected(tests)] == ["higher"] * 3
+    assert [test.verdict for test in comparisons.corrected(tests)] == ["higher"] * 3
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 from helpers_intervals import SHAPES, TICKS_MAX, assert_covers, holds
 
 from encircle.statistics.comparisons import (
-    Decision,
+    Verdict,
     corrected,
     order_difference,
     paired_difference,
@@ -41,7 +41,7 @@ def so(truth):
     """The decision that is right; none is where nothing differs."""
     if abs(truth) < 1e-9:
         return None
-    return Decision.HIGHER if truth > 0.0 else Decision.LOWER
+    return Verdict.HIGHER if truth > 0.0 else Verdict.LOWER
 
 
 def counted(shape, seeds, studies):
@@ -58,8 +58,8 @@ def counted(shape, seeds, studies):
             width[name] += interval.high - interval.low
         for name, test in tests.items():
             right = so(getattr(shape, name))
-            found[f"{name} right"] += test.decision_alone is right
-            found[f"{name} wrong"] += test.decision_alone not in (right, Decision.UNDECIDED)
+            found[f"{name} right"] += test.verdict_alone is right
+            found[f"{name} wrong"] += test.verdict_alone not in (right, Verdict.UNDECIDED)
     return found, width
 
 
@@ -119,7 +119,7 @@ def test_averages_over_settings_cover_and_are_rarely_wrong(name, common):
         found["cell"] += holds(cell, shape.mean_b)
         for what, test, truth in (("rate", rate, shape.rate), ("mean", time, shape.mean)):
             found[what] += holds(test.mean, truth)
-            found[f"{what} wrong"] += test.decision_alone not in (so(truth), Decision.UNDECIDED)
+            found[f"{what} wrong"] += test.verdict_alone not in (so(truth), Verdict.UNDECIDED)
     for what in ("cell", "rate", "mean"):
         assert_covers(hits(found[what], studies), 0.95, 1.0)
     for what in ("rate wrong", "mean wrong"):
@@ -133,8 +133,8 @@ def test_a_report_of_many_comparisons_is_rarely_wrong_at_all():
     alone, together = [], []
     for study in ticks.reshape(studies, single, 100, 2):
         tests = corrected([test for one in study for test in compared(one).values()])
-        alone.append(any(test.decision_alone is not Decision.UNDECIDED for test in tests))
-        together.append(any(test.decision is not Decision.UNDECIDED for test in tests))
+        alone.append(any(test.verdict_alone is not Verdict.UNDECIDED for test in tests))
+        together.append(any(test.verdict is not Verdict.UNDECIDED for test in tests))
     assert np.mean(alone) > 0.2
     assert_covers(together, 0.0, 0.05)
 
@@ -145,7 +145,7 @@ def test_a_difference_that_all_seeds_show_is_decided_whatever_may_still_fail(see
     rng = np.random.default_rng(2)
     ticks = np.stack((rng.integers(34, 39, seeds), rng.integers(43, 48, seeds)), axis=-1)
     found = compared(ticks.astype(float))
-    assert found["order"].decision_alone is Decision.HIGHER
+    assert found["order"].verdict_alone is Verdict.HIGHER
     assert found["order"].mean.value == 1.0
     assert found["mean"].mean.low < found["mean"].mean.value < found["mean"].mean.high
-    assert found["rate"].decision_alone is Decision.UNDECIDED
+    assert found["rate"].verdict_alone is Verdict.UNDECIDED

@@ -26,7 +26,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from encircle.statistics.comparisons import Decision
+from encircle.statistics.comparisons import Verdict
 from encircle.studies.charts import charts, views
 from encircle.studies.charts import frames as chart_frames
 from encircle.studies.charts import survival as chart_survival
@@ -342,8 +342,8 @@ def test_differences_are_level_minus_baseline_and_filled_where_decided(cases):
             assert span.get_xdata() == pytest.approx([scale * x for x in test.mean[1:]])
             assert int(point.get_ydata()[0]) == place // 2
             hollow = same_color(point.get_markerfacecolor(), "white")
-            assert hollow == (test.decision is Decision.UNDECIDED)
-        decided = [getattr(one, claim).decision for one in told.values()]
+            assert hollow == (test.verdict is Verdict.UNDECIDED)
+        decided = [getattr(one, claim).verdict for one in told.values()]
         assert {"undecided"} < set(decided)
     names = panels["rate"].get_yticklabels()
     assert names[0].get_text().endswith("0\N{NO-BREAK SPACE}%")
@@ -456,12 +456,12 @@ def test_what_does_not_fit_is_left_out_evenly_and_the_caption_says_so(tmp_path):
     many = {"name": "limit", "label": "limit", "unit": "ticks", "key": "ticks_max"}
     many["range"] = {"first": 30, "last": 300, "count": 10}
     plan = study_plan(axes=[many, DELAY], seeds=1)
-    shape = views.view(plan, plan.axes[1])
+    shape = views.figure_layout(plan, plan.axes[1])
     assert shape.places == (0, 2, 4, 5, 7, 9)
     assert shape.left_out == (
         "Shown are 6 of 10 levels of limit (30, 90, 150, 180, 240, 300 ticks)."
     )
-    shape = views.view(plan)
+    shape = views.figure_layout(plan)
     assert len(shape.settings) == 6
     assert shape.left_out.endswith("and 6 of 7 settings of mean delay.")
 
@@ -478,7 +478,7 @@ def test_evenly_keeps_the_ends_and_the_spacing(count, most):
 
 def test_a_view_finds_the_cells_of_the_plan():
     plan = study_plan(axes=[LOSS, ARMS, DELAY], compare="radio", seeds=1)
-    shape = views.view(plan, plan.axes[0])
+    shape = views.figure_layout(plan, plan.axes[0])
     assert shape.lines is plan.axes[1]
     for setting in shape.settings:
         for line in shape.places:

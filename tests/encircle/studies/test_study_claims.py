@@ -10,9 +10,9 @@ from helpers_studies import LOSS, Truth, filled, loss_only, never, study_plan
 
 from encircle.statistics.comparisons import Difference
 from encircle.statistics.intervals import Interval, capture_rate
-from encircle.studies.report.claims import findings
+from encircle.studies.report.claims import summary_sentences
 from encircle.studies.report.tables import tables
-from encircle.studies.summary import Comparison, Overall, Tolerated, summarise
+from encircle.studies.summary import Comparison, Overall, Tolerance, summarise
 
 PLAN = study_plan(axes=[LOSS], strategies=["xi-star", "xi-0"])
 AT = {"strategy": "xi-0"}
@@ -26,11 +26,11 @@ def always(_levels):
 def told(*, tolerated=(), comparisons=(), overall=()):
     """The sentences after the first of a study that is no more than what is given."""
     parts = {"tolerated": tolerated, "comparisons": comparisons, "overall": overall}
-    return findings(SimpleNamespace(plan=PLAN, cells=[CELL], **parts))[1:]
+    return summary_sentences(SimpleNamespace(plan=PLAN, cells=[CELL], **parts))[1:]
 
 
 def tolerance(value, low, high, rising=False):
-    (sentence,) = told(tolerated=[Tolerated("loss", AT, Interval(value, low, high), rising)])
+    (sentence,) = told(tolerated=[Tolerance("loss", AT, Interval(value, low, high), rising)])
     return sentence
 
 
@@ -85,7 +85,7 @@ def test_a_bound_that_is_infinite_is_never_called_sure_of_a_level():
 
 def test_settings_together_are_no_surer_than_each():
     levels = [(0.8, -inf, inf), (nan, -inf, inf), (nan, -inf, 0.0), (0.5, 0.4, 0.6)]
-    ones = [Tolerated("loss", AT, Interval(*level), False) for level in levels]
+    ones = [Tolerance("loss", AT, Interval(*level), False) for level in levels]
     (sentence,) = told(tolerated=ones)
     assert "up to 80 %, the largest tried, surely at no level tried;" in sentence
     assert "not even at the first level, surely below at no level tried;" in sentence
@@ -145,7 +145,7 @@ def test_no_number_without_a_value_is_told(tmp_path, truth, seeds):
     with closing(filled(plan, tmp_path / "t", truth)) as table:
         summary = summarise(plan, table)
     assert len(summary.comparisons) == len(LOSS["values"])
-    text = " ".join([*findings(summary), *tables(summary)])
+    text = " ".join([*summary_sentences(summary), *tables(summary)])
     assert not re.search(r"\b(nan|inf)\b", text)
     # 5 seeds have 32 sign changes, of which no two are below 0.05.
-    assert not re.search(r"\b(higher|in more seeds)\b", " ".join(findings(summary)))
+    assert not re.search(r"\b(higher|in more seeds)\b", " ".join(summary_sentences(summary)))

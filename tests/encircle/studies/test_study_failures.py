@@ -18,7 +18,7 @@ from encircle.studies.summary import summarise
 
 SOURCE = '''
 import os
-from encircle.agents.policies.strategies import Choice
+from encircle.agents.policies.policies import Decision
 
 
 def moody(view):
@@ -28,7 +28,7 @@ def moody(view):
     if view.own == 0 and int(abs(x) * 1e4) % 10 == 0 and not cheerful:
         raise ValueError("not in the mood")
     step = (view.target[0] - x, view.target[1] - y)
-    return Choice("moody", step, view.target)
+    return Decision("moody", step, view.target)
 
 
 def never(view):

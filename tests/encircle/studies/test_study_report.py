@@ -24,7 +24,7 @@ from scipy import stats
 
 from encircle.studies.charts.charts import Chart
 from encircle.studies.report import report
-from encircle.studies.report.claims import findings, settings_text, verdict
+from encircle.studies.report.claims import settings_text, summary_sentences, verdict_text
 from encircle.studies.report.report import write_report
 from encircle.studies.report.setup_text import seeds_text, set_up
 from encircle.studies.summary import summarise
@@ -102,7 +102,7 @@ def test_findings_question_and_command_stand_on_the_page(lines):
     _directory, page, summary, _rows = lines
     assert page.words["h1"] == page.words["title"] == ["On loss"]
     assert "How much loss?" in page.words["p"]
-    first, along, overall = findings(summary)
+    first, along, overall = summary_sentences(summary)
     assert {first, along} <= set(page.words["li"])
     assert page.words["h3"] == ["xi-0 against xi-star"]
     assert overall.endswith(settings_text(summary.plan, summary.comparisons))
@@ -130,7 +130,7 @@ def test_each_comparison_is_a_heading_with_a_row_for_each_setting(lines):
         assert line[0] == f"{100 * loss:g}"
         assert line[1].split()[0] == f"{points:+z.0f}"
         assert line[5].split()[0] == f"{seconds:+z.1f}"
-        assert line[-1] == verdict(one)
+        assert line[-1] == verdict_text(one)
 
 
 def test_without_settings_each_level_is_a_row(tmp_path, quick):
@@ -139,7 +139,7 @@ def test_without_settings_each_level_is_a_row(tmp_path, quick):
     assert page.words["h3"] == [f"radio against {names[0]}"]
     _head, *body = page.table("radio against")
     assert [line[0] for line in body] == names[1:]
-    assert len(findings(summary)) == 1 + len(body)
+    assert len(summary_sentences(summary)) == 1 + len(body)
 
 
 def test_many_findings_are_folded_but_all_there(tmp_path, quick):
@@ -149,7 +149,7 @@ def test_many_findings_are_folded_but_all_there(tmp_path, quick):
     assert page.words["h3"] == [f"a{k} against a0" for k in range(1, 12)]
     assert "3 more comparisons" in page.words["summary"]
     # The range, what is tolerated along the one axis, and the comparisons.
-    assert len(findings(summary)) == 1 + 1 + 11
+    assert len(summary_sentences(summary)) == 1 + 1 + 11
     long = {**LOSS, "values": [0.01 * k for k in range(17)]}
     tree = {"axes": [long], "strategies": STRATEGIES, "seeds": 2}
     page, summary, _rows = written(tmp_path / "l", **tree)
@@ -165,7 +165,7 @@ def test_there_is_no_effect_size_where_all_runs_of_an_arm_are_censored(tmp_path,
     (one,) = summary.comparisons
     assert one.time_s.mean.value > 0.0
     assert np.isnan(one.time_s.effect.value)
-    assert not any("d_z" in sentence for sentence in findings(summary))
+    assert not any("d_z" in sentence for sentence in summary_sentences(summary))
     head, line = page.table("Comparisons")
     assert line[head.index("d_z")] == "\N{EN DASH}"
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from helpers_waiting import LONGEST_S, PATIENCE, ample_s, communicated, ended, until
+from helpers_waiting import LONGEST_S, TIMEOUTS, ample_s, communicated, ended, until
 
 import encircle
 from encircle.runner.launch import free_endpoint
@@ -254,8 +254,8 @@ def test_a_frozen_robot_ends_it_with_a_line(tmp_path):
 
     plan = encircle.study(tree(ticks=2000)).plan
     answer_s = ample_s()
-    patience = replace(PATIENCE, answer_s_max=answer_s)
-    with Session(("r1", "r2", "r3", "r4"), patience) as session:
+    timeouts = replace(TIMEOUTS, answer_s_max=answer_s)
+    with Session(("r1", "r2", "r3", "r4"), timeouts) as session:
         session._processes["r2"].send_signal(signal.SIGSTOP)
         with pytest.raises(StudyFailed, match=f"no answer from r2 for {answer_s:g} s|r2 is gone"):
             session.hunt(build(plan.scenario_of(3), 1))
@@ -269,14 +269,14 @@ def test_an_observation_that_is_lost_is_asked_again(monkeypatch):
 
     lost = []
 
-    class Lossy(session.ZenohLink):
+    class Lossy(session.ZenohConnection):
         def send(self, key, payload):
             if key.endswith("r2/observation") and not lost:
                 lost.append(key)
             else:
                 super().send(key, payload)
 
-    monkeypatch.setattr(session, "ZenohLink", Lossy)
+    monkeypatch.setattr(session, "ZenohConnection", Lossy)
     plan = encircle.study(tree(ticks=5)).plan
     with session.Session(("r1", "r2", "r3", "r4")) as made:
         log, _ = made.hunt(build(plan.scenario_of(3), 1))

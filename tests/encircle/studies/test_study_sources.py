@@ -10,8 +10,8 @@ import pytest
 
 import encircle
 from encircle.protocol.plugins import STRATEGIES, TARGETS
-from encircle.studies import one_run as work
 from encircle.studies import sources
+from encircle.studies import tasks as work
 from encircle.studies.plan import StudyError
 from encircle.studies.workers import StudyFailed, _checked
 
@@ -165,7 +165,7 @@ def test_everything_that_a_run_of_a_study_imports_of_ours_counts():
     """What is imported is found out by importing it, in a process of its own."""
     lines = (
         "import sys, encircle; before = {*sys.modules}",
-        "import encircle.studies.one_run, encircle.runlog.recorded_log",
+        "import encircle.studies.tasks, encircle.runlog.recorded_log",
         "new = {*sys.modules} - before",
         "print(*(m for m in new if m.split('.')[0] == 'encircle'))",
     )

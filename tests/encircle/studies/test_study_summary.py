@@ -8,7 +8,7 @@ from scipy import stats
 
 from encircle.studies.csv_files import write_cells, write_comparisons
 from encircle.studies.plan import STRATEGY
-from encircle.studies.report.claims import findings, verdict, where_text
+from encircle.studies.report.claims import summary_sentences, verdict_text, where_text
 from encircle.studies.summary import CLAIMS, baseline_of, rows_along, summarise
 
 TWO = {"axes": [LOSS], "strategies": ["xi-star", "xi-0"], "seeds": 60}
@@ -118,8 +118,8 @@ def test_where_capture_rises_with_the_axis_it_is_told_from_where_on(tmp_path):
     above = next(k for k, rate in enumerate(rates) if rate >= 0.9)
     assert LOSS["values"][above - 1] <= rising.level.value <= LOSS["values"][above]
     assert rising.level.low <= rising.level.value <= rising.level.high
-    assert f"from packet loss {100 * rising.level.value:.3g} %" in findings(up)[1]
-    assert findings(up)[1].endswith(" on.")
+    assert f"from packet loss {100 * rising.level.value:.3g} %" in summary_sentences(up)[1]
+    assert summary_sentences(up)[1].endswith(" on.")
 
 
 def test_rows_along_an_axis_are_every_cell_once():
@@ -158,7 +158,7 @@ def test_summary_csv_has_every_number_of_every_cell(tmp_path, two):
 
 def test_sentences_quote_the_intervals(two):
     _, _, summary = two
-    best_and_worst, along, over = findings(summary)
+    best_and_worst, along, over = summary_sentences(summary)
     best = max(summary.cells, key=lambda cell: cell.rate.value)
     assert f"{100 * best.rate.value:.0f} %" in best_and_worst
     for one in summary.tolerated:
@@ -178,7 +178,7 @@ def decided_by(test):
 def test_a_sentence_says_what_interval_and_corrected_p_say_both(two):
     _, _, summary = two
     (over,) = summary.overall
-    sentence = findings(summary)[2].partition(" Of the ")[0]
+    sentence = summary_sentences(summary)[2].partition(" Of the ")[0]
     parts = sentence.split(": ", 1)[1].split("; ")
     for part, name in zip(parts, CLAIMS, strict=True):
         decided, alone = decided_by(getattr(over, name))
@@ -189,7 +189,9 @@ def test_a_sentence_says_what_interval_and_corrected_p_say_both(two):
 
 def test_settings_and_verdicts_say_what_interval_and_corrected_p_say_both(two):
     _, _, summary = two
-    told = findings(summary)[2].partition(" Of the 5 settings: ")[2].rstrip(".").split("; ")
+    told = (
+        summary_sentences(summary)[2].partition(" Of the 5 settings: ")[2].rstrip(".").split("; ")
+    )
     beginnings = ["capture rate", "captured", "mean time to capture"]
     for part, beginning, name in zip(told, beginnings, CLAIMS, strict=True):
         tests = [getattr(one, name) for one in summary.comparisons]
@@ -197,7 +199,7 @@ def test_settings_and_verdicts_say_what_interval_and_corrected_p_say_both(two):
         assert part.count("packet loss") == sum(decided_by(test)[0] for test in tests)
     for one in summary.comparisons:
         marks = [decided_by(getattr(one, name)) for name in CLAIMS]
-        said = verdict(one)
+        said = verdict_text(one)
         if any(decided for decided, _ in marks):
             assert said.count(";") + 1 == sum(decided for decided, _ in marks)
             assert "undecided" not in said
@@ -258,12 +260,12 @@ def test_comparisons_csv_has_both_p_of_every_test(tmp_path, two):
             ends = ("difference", "low", "high", "p", "p_corrected")
             numbers = [float(line[f"{name}_{end}"]) for end in ends]
             assert numbers == pytest.approx([*test.mean, test.p, test.p_corrected])
-            assert line[f"{name}_decision"] == test.decision
+            assert line[f"{name}_decision"] == test.verdict
 
 
 def test_nothing_captured_is_said_as_it_is(tmp_path):
     _, _, summary = summed(tmp_path, never, axes=[LOSS], seeds=20)
-    said = " ".join(findings(summary))
+    said = " ".join(summary_sentences(summary))
     assert "0 % [0, 16]" in said  # Wilson: 3.8416 / (20 + 3.8416)
     assert "Capture is below 90 % even at packet loss 0 %" in said
     assert all(np.isnan(cell.survival.median) for cell in summary.cells)
@@ -274,7 +276,7 @@ def test_one_cell_and_one_seed_can_be_summed_up(tmp_path):
     _, _, summary = summed(tmp_path, seeds=1)
     assert summary.comparisons == ()
     assert summary.tolerated == ()
-    assert "of 1 run." in findings(summary)[0]
+    assert "of 1 run." in summary_sentences(summary)[0]
 
 
 def test_levels_are_told_as_a_person_reads_them():

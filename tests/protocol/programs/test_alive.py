@@ -5,8 +5,8 @@ from helpers_waiting import LONGEST_S, until
 
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.programs.alive import main
-from encircle.protocol.zenoh.connection import ZenohLink, open_session
-from encircle.protocol.zenoh.endpoints import Access
+from encircle.protocol.zenoh.connection import ZenohConnection, open_session
+from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.runner.launch import free_endpoint
 
 QUICK = ("--check-timeout", "1")
@@ -22,7 +22,7 @@ def environment(monkeypatch):
 @pytest.fixture
 def router():
     endpoint = free_endpoint()
-    with open_session(Access(listen=(endpoint,), mode="router")):
+    with open_session(Endpoints(listen=(endpoint,), mode="router")):
         yield endpoint
 
 
@@ -44,13 +44,15 @@ def test_world_and_robots_are_found_by_their_tokens(router, environment, directl
     """Through a router or from the world itself; each run and each robot by itself."""
     endpoint = free_endpoint() if directly else router
     environment.setenv("ENCIRCLE_CONNECT", endpoint)
-    world = ZenohLink(Access(listen=(endpoint,)) if directly else Access(connect=(router,)), "t/w")
-    robot = ZenohLink(Access(connect=(endpoint,)), "t/r")
+    world = ZenohConnection(
+        Endpoints(listen=(endpoint,)) if directly else Endpoints(connect=(router,)), "t/w"
+    )
+    robot = ZenohConnection(Endpoints(connect=(endpoint,)), "t/r")
     try:
         assert main(["world", *QUICK]) == 1
         assert main(["robot", "--robot", "r1", *QUICK]) == 1
-        world.announce(world_key("t", "alive"))
-        robot.announce(robot_key("t", "r1", "alive"))
+        world.declare_alive(world_key("t", "alive"))
+        robot.declare_alive(robot_key("t", "r1", "alive"))
         # The next look has to find what was declared before: a round trip later it is there.
         until(lambda: main(["world", *PATIENT]) == 0, "the world's token")
         until(lambda: main(["robot", "--robot", "r1", *PATIENT]) == 0, "the robot's token")

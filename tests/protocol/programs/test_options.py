@@ -7,14 +7,14 @@ import pytest
 from encircle.network.certificates import make_certificates
 from encircle.protocol.programs.options import (
     Options,
-    access,
+    endpoints_of,
     name_of,
     seconds,
     whole_number,
     without_settings,
 )
 from encircle.protocol.zenoh.access_control import identity_in
-from encircle.protocol.zenoh.endpoints import Access, AccessError
+from encircle.protocol.zenoh.endpoints import ConfigurationError, Endpoints
 
 CERTIFICATES = "ENCIRCLE_CERTIFICATES"
 
@@ -28,7 +28,7 @@ def options():
     made.add("--seed", "what chance", read=whole_number)
     made.add_list("--set", "what else", metavar="KEY=VALUE", separators=r";\n", joins=True)
     made.add_flag("--stay", "whether to stay")
-    made.add_access()
+    made.add_endpoints()
     return made
 
 
@@ -50,7 +50,7 @@ def test_everything_can_come_from_the_environment(options):
     assert (found.id, found.run, found.join_timeout, found.seed) == ("r2", "demo", 2.5, -7)
     assert found.set == ["a=1", "b={c=2, d=3}", "e=4"]
     assert found.stay is True
-    assert access(found, 5.0) == Access(
+    assert endpoints_of(found, 5.0) == Endpoints(
         ("tcp/127.0.0.1:3", "tcp/127.0.0.1:4"),
         ("tcp/127.0.0.1:1", "tcp/127.0.0.1:2"),
         without_authentication=True,
@@ -112,13 +112,13 @@ def test_processes_that_are_told_everything_get_none_of_it():
 def test_certificates_are_those_of_the_party_or_of_an_onlooker(options, tmp_path):
     lab = make_certificates(tmp_path / "lab", 2).directory
     found = options.parse(["r1", "--run", "demo", "--connect", "tls/h:1"], {CERTIFICATES: str(lab)})
-    assert access(found, 1.0, name="r2").identity == identity_in(lab, "r2")
-    assert access(found, 1.0).identity == identity_in(lab, "viewer")
+    assert endpoints_of(found, 1.0, name="r2").identity == identity_in(lab, "r2")
+    assert endpoints_of(found, 1.0).identity == identity_in(lab, "viewer")
     listening = argparse.Namespace(**vars(found) | {"listen": ["tls/127.0.0.1:0"]})
-    assert access(listening, 1.0, name="world").identity == identity_in(lab, "world")
-    with pytest.raises(AccessError, match="only router and world listen, and r1 connects"):
-        access(listening, 1.0, name="r1")
-    with pytest.raises(AccessError, match=r"r3\.pem: No such file"):
-        access(found, 1.0, name="r3")
+    assert endpoints_of(listening, 1.0, name="world").identity == identity_in(lab, "world")
+    with pytest.raises(ConfigurationError, match="only router and world listen, and r1 connects"):
+        endpoints_of(listening, 1.0, name="r1")
+    with pytest.raises(ConfigurationError, match=r"r3\.pem: No such file"):
+        endpoints_of(found, 1.0, name="r3")
     found = options.parse(["r1", "--run", "demo", "--connect", "tcp/h:1"], {CERTIFICATES: " "})
-    assert access(found, 1.0, name="r2").identity is None
+    assert endpoints_of(found, 1.0, name="r2").identity is None

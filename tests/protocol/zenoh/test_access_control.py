@@ -26,12 +26,12 @@ from encircle.protocol.zenoh.access_control import (
     tls,
 )
 from encircle.protocol.zenoh.connection import is_alive, open_session
-from encircle.protocol.zenoh.endpoints import Access, AccessError, LinkError
+from encircle.protocol.zenoh.endpoints import ConfigurationError, ConnectionFailed, Endpoints
 from encircle.protocol.zenoh.node_info import ROUTER_KEY
 
 RUN = "m"
 SAID_BY_ROBOTS, SAID_TO_ROBOTS = ("pose", "command"), ("setup", "observation", "end")
-PARTIES = ("world", "r1", "r2", "viewer")
+NODE_KINDS = ("world", "r1", "r2", "viewer")
 LATER_S = 0.3
 """How long what should not arrive is given to arrive."""
 
@@ -48,7 +48,7 @@ def closing():
 
 
 def opened(config, closing, connect_s_max=LONGEST_S):
-    session = open_session(Access(config=config, connect_s_max=connect_s_max))
+    session = open_session(Endpoints(config=config, connect_s_max=connect_s_max))
     closing.callback(session.close)
     return session
 
@@ -88,29 +88,29 @@ class Party:
 
 def meet(lab, closing, form, endpoint, **modes):
     """All parties, connected to a gate: a router or the world, or r2 to a router further on."""
-    sessions, places = {}, dict.fromkeys(PARTIES, endpoint)
+    sessions, places = {}, dict.fromkeys(NODE_KINDS, endpoint)
     name, mode = ("world", "peer") if form == "direct" else ("router", "router")
     sessions[name] = opened(lab.listening(name, endpoint, mode), closing)
     if form == "chain":
         places["r2"] = free_endpoint("tls")
         further = lab.listening("router", places["r2"], "router", connect=[endpoint])
         sessions["further"] = opened(further, closing)
-    for party in PARTIES:
-        if party not in sessions:
-            config = lab.connecting(party, places[party], modes.get(party, "client"))
-            sessions[party] = opened(config, closing)
-    parties = {party: Party(party, sessions[party]) for party in PARTIES}
-    sync(parties, "hello")
-    return parties
+    for node in NODE_KINDS:
+        if node not in sessions:
+            config = lab.connecting(node, places[node], modes.get(node, "client"))
+            sessions[node] = opened(config, closing)
+    nodes = {node: Party(node, sessions[node]) for node in NODE_KINDS}
+    sync(nodes, "hello")
+    return nodes
 
 
-def sync(parties, word):
+def sync(nodes, word):
     """Until a word that may be said has come to all whom it is for."""
 
     def said(sender, key, receiver):
         def arrived():
-            parties[sender].session.put(key, word)
-            return (key, word) in parties[receiver].heard
+            nodes[sender].session.put(key, word)
+            return (key, word) in nodes[receiver].heard
 
         until(arrived, f"{word} from {sender} to {receiver}")
 
@@ -120,18 +120,18 @@ def sync(parties, word):
     said("world", world_key(RUN, "state"), "viewer")
 
 
-def may_say(party, robot, channel):
-    if party == "world":
+def may_say(node, robot, channel):
+    if node == "world":
         return channel in (SAID_TO_ROBOTS if robot else ("state",))
-    return robot == party and channel in SAID_BY_ROBOTS
+    return robot == node and channel in SAID_BY_ROBOTS
 
 
-def may_hear(party, robot, channel):
-    if party == "world":
+def may_hear(node, robot, channel):
+    if node == "world":
         return robot is not None and channel in SAID_BY_ROBOTS
-    if party == "viewer":
+    if node == "viewer":
         return robot is None and channel == "state"
-    return robot == party and channel in SAID_TO_ROBOTS
+    return robot == node and channel in SAID_TO_ROBOTS
 
 
 @pytest.mark.parametrize(
@@ -149,46 +149,48 @@ def test_everybody_says_and_hears_what_the_table_of_keys_has_it_do_and_nothing_e
     lab, closing, form, protocol, mode
 ):
     """Also when r2 makes itself more of a node than a client is."""
-    parties = meet(lab, closing, form, free_endpoint(protocol), r2=mode)
+    nodes = meet(lab, closing, form, free_endpoint(protocol), r2=mode)
     places = [*itertools.product(("r1", "r2", "r3"), (*ROBOT_CHANNELS, "junk"))]
     places += [(None, channel) for channel in (*WORLD_CHANNELS, "junk")]
-    expected = {party: set() for party in PARTIES}
-    for (robot, channel), sender in itertools.product(places, PARTIES):
+    expected = {node: set() for node in NODE_KINDS}
+    for (robot, channel), sender in itertools.product(places, NODE_KINDS):
         key = robot_key(RUN, robot, channel) if robot else world_key(RUN, channel)
-        parties[sender].session.put(key, f"word of {sender}")
-        parties[sender].session.delete(key)
-        for receiver in PARTIES:
+        nodes[sender].session.put(key, f"word of {sender}")
+        nodes[sender].session.delete(key)
+        for receiver in NODE_KINDS:
             if may_say(sender, robot, channel) and may_hear(receiver, robot, channel):
                 expected[receiver].add((key, f"word of {sender}"))
-    for sender, key in itertools.product(PARTIES, ("encircle/m/robots/*/pose", "encircle/**", "x")):
-        parties[sender].session.put(key, "to whom it may concern")
-    sync(parties, "goodbye")
+    for sender, key in itertools.product(
+        NODE_KINDS, ("encircle/m/robots/*/pose", "encircle/**", "x")
+    ):
+        nodes[sender].session.put(key, "to whom it may concern")
+    sync(nodes, "goodbye")
     time.sleep(LATER_S)
-    for party in PARTIES:
-        words = {(k, w) for k, w in parties[party].heard if w not in ("hello", "goodbye")}
-        assert words == expected[party]
+    for node in NODE_KINDS:
+        words = {(k, w) for k, w in nodes[node].heard if w not in ("hello", "goodbye")}
+        assert words == expected[node]
 
 
 @pytest.mark.parametrize("form", ["router", "direct", "chain"])
 def test_nobody_can_be_taken_for_alive_or_gone_by_the_hand_of_another(lab, closing, form):
     endpoint = free_endpoint("tls")
-    parties = meet(lab, closing, form, endpoint)
+    nodes = meet(lab, closing, form, endpoint)
     alive = {name: robot_key(RUN, name, "alive") for name in ("r1", "r2", "r3")}
     alive["world"] = world_key(RUN, "alive")
-    false = [parties["r2"].declare(alive[name]) for name in ("r1", "r3", "world")]
-    parties["r1"].declare(alive["r1"])
-    parties["world"].declare(alive["world"])
-    parties["r2"].declare(alive["r2"])
+    false = [nodes["r2"].declare(alive[name]) for name in ("r1", "r3", "world")]
+    nodes["r1"].declare(alive["r1"])
+    nodes["world"].declare(alive["world"])
+    nodes["r2"].declare(alive["r2"])
     told = {"world": {"r1", "r2"}, "viewer": {"r1", "r2", "world"}, "r1": {"world"}}
-    for party, names in told.items():
+    for node, names in told.items():
         wanted = {(alive[name], True) for name in names}
-        until(lambda p=party, w=wanted: w <= set(parties[p].seen), f"{party} to see {wanted}")
+        until(lambda p=node, w=wanted: w <= set(nodes[p].seen), f"{node} to see {wanted}")
     for token in false:
         token.undeclare()
     time.sleep(LATER_S)
-    for party, names in told.items():
-        own = {alive[party]} if party != "viewer" else set()
-        seen = {change for change in parties[party].seen if change[0] not in own}
+    for node, names in told.items():
+        own = {alive[node]} if node != "viewer" else set()
+        seen = {change for change in nodes[node].seen if change[0] not in own}
         assert seen == {(alive[name], True) for name in names}
     # Asked anew, as a health check does it.
     asking = opened(lab.connecting("r1", endpoint), closing)
@@ -212,7 +214,7 @@ def test_who_does_not_belong_gets_no_session(lab, closing, form):
     }
     for who, config in strangers.items():
         print(f"a stranger {who}")
-        with pytest.raises(LinkError, match="cannot connect"):
+        with pytest.raises(ConnectionFailed, match="cannot connect"):
             opened(config, closing, REFUSED_S_MAX)
     opened(lab.connecting("r1", endpoint), closing)
 
@@ -231,14 +233,14 @@ def test_a_certificate_that_expires_ends_its_connection(lab, closing):
 def test_a_robots_certificate_cannot_pass_for_the_routers(lab, closing, pretender):
     endpoint = free_endpoint("tls")
     opened(lab.listening(pretender, endpoint, "router"), closing)
-    with pytest.raises(LinkError, match="cannot connect"):
+    with pytest.raises(ConnectionFailed, match="cannot connect"):
         opened(lab.connecting("r1", endpoint), closing, REFUSED_S_MAX)
 
 
 def test_a_router_under_a_name_that_its_certificate_does_not_have_is_not_believed(lab, closing):
     endpoint = free_endpoint("tls").replace("127.0.0.1", "127.0.0.2")
     opened(lab.listening("router", endpoint, "router"), closing)
-    with pytest.raises(LinkError, match="cannot connect"):
+    with pytest.raises(ConnectionFailed, match="cannot connect"):
         opened(lab.connecting("r1", endpoint), closing, REFUSED_S_MAX)
 
 
@@ -299,18 +301,20 @@ def test_who_listens_is_a_gate_and_nobody_listens_or_connects_without_encryption
     both = settings(identity, inside, outside, direct_radio=True)
     assert both == tls(identity, True, True) | gate(direct_radio=True)
     for endpoints in ((["tcp/127.0.0.1:1"], outside), (inside, ["tcp/h:1"])):
-        with pytest.raises(AccessError, match="with certificates it must be tls/"):
+        with pytest.raises(ConfigurationError, match="with certificates it must be tls/"):
             settings(identity, *endpoints)
 
 
 def test_a_file_that_is_not_there_is_named(lab):
-    with pytest.raises(AccessError, match=r"r9\.pem: No such file.*r9 needs authority\.pem"):
+    with pytest.raises(ConfigurationError, match=r"r9\.pem: No such file.*r9 needs authority\.pem"):
         identity_in(lab.directory, "r9")
-    with pytest.raises(AccessError, match=r"authority\.pem: No such file"):
+    with pytest.raises(ConfigurationError, match=r"authority\.pem: No such file"):
         identity_in(lab.directory / "nowhere", "r1")
 
 
 def test_an_endpoint_without_encryption_is_refused_with_what_would_be_right():
     check_encrypted("listen", ["tls/127.0.0.1:7447", "quic/[::1]:7447"])
-    with pytest.raises(AccessError, match=r"connect = 'tcp/h:1'.*must be tls/h:1 or quic/h:1"):
+    with pytest.raises(
+        ConfigurationError, match=r"connect = 'tcp/h:1'.*must be tls/h:1 or quic/h:1"
+    ):
         check_encrypted("connect", ["tls/h:1", "tcp/h:1"])

@@ -13,11 +13,16 @@ from helpers_connections import connecting_to, in_thread, listening, received
 from helpers_waiting import LONGEST_S, result_of, taken, until
 
 from encircle.protocol.codec import BYTES_MAX
-from encircle.protocol.errors import LinkClosed
+from encircle.protocol.errors import ConnectionClosed
 from encircle.protocol.zenoh.access_control import settings
 from encircle.protocol.zenoh.configuration import configuration, warning
-from encircle.protocol.zenoh.connection import LinkError, ZenohLink
-from encircle.protocol.zenoh.endpoints import MESSAGE_BYTES_MAX, Access, AccessError, Identity
+from encircle.protocol.zenoh.connection import ConnectionFailed, ZenohConnection
+from encircle.protocol.zenoh.endpoints import (
+    MESSAGE_BYTES_MAX,
+    ConfigurationError,
+    Endpoints,
+    Identity,
+)
 
 
 @pytest.fixture
@@ -40,7 +45,7 @@ def pair(endpoint, closing):
     links = []
     for listens in (True, False):
         access = listening(endpoint) if listens else connecting_to(endpoint)
-        link = ZenohLink(access, "t/**")
+        link = ZenohConnection(access, "t/**")
         closing.callback(link.close)
         links.append(link)
     for sender, receiver in (links, links[::-1]):
@@ -90,7 +95,7 @@ def test_only_the_keys_taken_are_received(pair):
 def test_overhearing_takes_what_others_send_on_such_keys_until_it_is_ended(pair):
     world, robot = pair
     heard: queue.Queue[tuple[str, bytes]] = queue.Queue()
-    end = robot.overhear("t/peers/*/pose", lambda key, payload: heard.put((key, payload)))
+    end = robot.subscribe("t/peers/*/pose", lambda key, payload: heard.put((key, payload)))
     robot.send("t/peers/1/pose", b"own")
 
     def said():
@@ -105,7 +110,7 @@ def test_overhearing_takes_what_others_send_on_such_keys_until_it_is_ended(pair)
 
 def test_who_never_waits_drops_what_finds_no_room_but_for_what_is_sent_once(pair):
     sender, receiver = pair[::-1]
-    sender.never_wait()
+    sender.drop_when_congested()
     flood = [("t/observation", b"%d" % k + bytes(30_000)) for k in range(2000)]
     for key, payload in flood:
         sender.send(key, payload)
@@ -124,7 +129,7 @@ def test_a_token_is_seen_to_come_and_go(pair):
     listener, connected = pair
     seen = queue.Queue()
     listener.watch("t/*/alive", lambda key, alive: seen.put((key, alive)))
-    connected.announce("t/r1/alive")
+    connected.declare_alive("t/r1/alive")
     assert taken(seen) == ("t/r1/alive", True)
     connected.close()
     assert taken(seen) == ("t/r1/alive", False)
@@ -132,7 +137,7 @@ def test_a_token_is_seen_to_come_and_go(pair):
 
 def test_a_token_that_was_there_before_the_watch_is_told_of(pair):
     listener, connected = pair
-    listener.announce("t/world/alive")
+    listener.declare_alive("t/world/alive")
     connected.send("t/announced", b"")
     received(listener)
     seen = queue.Queue()
@@ -145,13 +150,13 @@ def test_closing_wakes_who_waits(pair):
         waiting = in_thread(link.receive)
         time.sleep(0.1)  # let it get to where it waits
         result_of(in_thread(link.close))
-        with pytest.raises(LinkClosed):
+        with pytest.raises(ConnectionClosed):
             result_of(waiting)
 
 
 def test_what_was_sent_and_flushed_arrives_though_the_link_is_closed(pair):
     listener, connected = pair
-    listener.tell_about("t/listener/about", "listener")
+    listener.answer_info_queries("t/listener/about", "listener")
     payloads = [bytes([k]) * 1000 for k in range(100)]
     taken = in_thread(received, listener, 100)
     for payload in payloads:
@@ -188,10 +193,10 @@ def test_a_link_may_be_closed_twice_and_stays_closed(pair):
     for _ in range(2):
         link.close()
     for _ in range(2):
-        with pytest.raises(LinkClosed):
+        with pytest.raises(ConnectionClosed):
             link.receive()
         for key in ("t/declared", "t/new"):
-            with pytest.raises(LinkClosed):
+            with pytest.raises(ConnectionClosed):
                 link.send(key, b"late")
 
 
@@ -202,19 +207,19 @@ def test_a_link_whose_other_end_is_gone_waits_on(pair):
     time.sleep(0.3)
     assert not waiting.done()
     connected.close()
-    with pytest.raises(LinkClosed):
+    with pytest.raises(ConnectionClosed):
         result_of(waiting)
 
 
 def test_connecting_where_nobody_listens_fails_and_names_the_endpoint(endpoint):
-    with pytest.raises(LinkError, match=f"cannot connect to {endpoint}: .+"):
-        ZenohLink(connecting_to(endpoint, 0.5), "t/**")
+    with pytest.raises(ConnectionFailed, match=f"cannot connect to {endpoint}: .+"):
+        ZenohConnection(connecting_to(endpoint, 0.5), "t/**")
 
 
 def test_connecting_to_a_host_that_is_not_known_says_so():
     where = "tcp/nowhere.invalid:7447"
-    with pytest.raises(LinkError) as refused:
-        ZenohLink(connecting_to(where, 0.3), "t/**")
+    with pytest.raises(ConnectionFailed) as refused:
+        ZenohConnection(connecting_to(where, 0.3), "t/**")
     said = f"cannot connect to {where}: no address is known for the host of {where}"
     assert str(refused.value) == said
 
@@ -224,8 +229,8 @@ def test_listening_where_somebody_else_does_fails_and_names_the_endpoint(closing
     taken.bind(("127.0.0.1", 0))
     taken.listen()
     endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-    with pytest.raises(LinkError) as refused:
-        ZenohLink(listening(endpoint), "t/**")
+    with pytest.raises(ConnectionFailed) as refused:
+        ZenohConnection(listening(endpoint), "t/**")
     said = str(refused.value)
     assert said.startswith(f"cannot listen on {endpoint}: ")
     assert "Address already in use" in said
@@ -236,14 +241,14 @@ def test_listening_where_somebody_else_does_fails_and_names_the_endpoint(closing
 def test_of_several_endpoints_the_one_that_fails_is_named(endpoint):
     """A mesh: it listens well enough, but one of its peers is not there."""
     there = endpoint.rpartition(":")[0] + ":0"
-    absent = Access(listen=(there,), connect=(endpoint,), connect_s_max=0.5)
-    with pytest.raises(LinkError, match=f"cannot connect to {endpoint}: "):
-        ZenohLink(absent, "t/**")
+    absent = Endpoints(listen=(there,), connect=(endpoint,), connect_s_max=0.5)
+    with pytest.raises(ConnectionFailed, match=f"cannot connect to {endpoint}: "):
+        ZenohConnection(absent, "t/**")
 
 
 def test_connecting_waits_for_a_listener_that_comes_a_little_later(endpoint, closing):
-    connecting = in_thread(ZenohLink, connecting_to(endpoint), "t/**")
-    listener = ZenohLink(listening(endpoint), "t/**")
+    connecting = in_thread(ZenohConnection, connecting_to(endpoint), "t/**")
+    listener = ZenohConnection(listening(endpoint), "t/**")
     closing.callback(listener.close)
     connected = result_of(connecting)
     closing.callback(connected.close)
@@ -255,8 +260,8 @@ def test_peers_that_know_each_other_form_a_mesh_whichever_comes_first(closing):
     opening = []
     for k, own in enumerate(endpoints):
         others = tuple(endpoint for endpoint in endpoints if endpoint != own)
-        access = Access((own,), others, connect_s_max=LONGEST_S)
-        opening.append(in_thread(ZenohLink, access, f"t/{k}/*"))
+        access = Endpoints((own,), others, connect_s_max=LONGEST_S)
+        opening.append(in_thread(ZenohConnection, access, f"t/{k}/*"))
     links = [result_of(future) for future in opening]
     for link in links:
         closing.callback(link.close)
@@ -290,8 +295,8 @@ def free_ports(count):
 
 def test_an_endpoint_of_a_configuration_file_that_fails_is_named_with_the_file(endpoint, tmp_path):
     path = written(tmp_path / "own.json5", f'{{ connect: {{ endpoints: ["{endpoint}"] }} }}')
-    with pytest.raises(LinkError, match=r"cannot connect to \S+own\.json5: .+") as refused:
-        ZenohLink(Access(config=path, connect_s_max=0.5), "t/**")
+    with pytest.raises(ConnectionFailed, match=r"cannot connect to \S+own\.json5: .+") as refused:
+        ZenohConnection(Endpoints(config=path, connect_s_max=0.5), "t/**")
     assert endpoint in str(refused.value)
 
 
@@ -300,10 +305,10 @@ WIDE = ("tcp/0.0.0.0:0", "tcp/[::]:0", "tls/0.0.0.0:0", "tcp/example.invalid:1")
 
 @pytest.mark.parametrize("endpoint", WIDE)
 def test_listening_beyond_this_machine_must_be_asked_for_by_name(endpoint):
-    with pytest.raises(AccessError, match="--without-authentication") as refused:
-        configuration(Access(listen=("tcp/127.0.0.1:0", endpoint)))
+    with pytest.raises(ConfigurationError, match="--without-authentication") as refused:
+        configuration(Endpoints(listen=("tcp/127.0.0.1:0", endpoint)))
     assert str(refused.value).startswith(f"listen = {endpoint}: ")
-    asked = Access(listen=(endpoint,), without_authentication=True)
+    asked = Endpoints(listen=(endpoint,), without_authentication=True)
     assert warning(asked) == (
         f"listening on {endpoint} without authentication: whoever can connect is let in"
     )
@@ -311,7 +316,7 @@ def test_listening_beyond_this_machine_must_be_asked_for_by_name(endpoint):
 
 def test_listening_on_loopback_needs_no_asking_and_no_warning():
     for endpoint in ("tcp/127.0.0.1:0", "tcp/127.1.2.3:9", "tcp/[::1]:0", "tcp/localhost:0"):
-        assert warning(Access(listen=(endpoint,))) is None
+        assert warning(Endpoints(listen=(endpoint,))) is None
 
 
 def written(path, text):
@@ -322,14 +327,14 @@ def written(path, text):
 def test_a_listener_that_authenticates_needs_no_asking(tmp_path):
     secret = '{ transport: { auth: { usrpwd: { dictionary_file: "users.txt" } } } }'
     by_password = written(tmp_path / "password.json5", secret)
-    assert warning(Access(listen=("tcp/0.0.0.0:0",), config=by_password)) is None
+    assert warning(Endpoints(listen=("tcp/0.0.0.0:0",), config=by_password)) is None
     certified = written(
         tmp_path / "tls.json5", "{ transport: { link: { tls: { enable_mtls: true } } } }"
     )
-    assert warning(Access(listen=("tls/0.0.0.0:0",), config=certified)) is None
+    assert warning(Endpoints(listen=("tls/0.0.0.0:0",), config=certified)) is None
     # Certificates say nothing of who connects by plain TCP.
-    with pytest.raises(AccessError, match=r"listen = tcp/0\.0\.0\.0:0: "):
-        warning(Access(listen=("tls/0.0.0.0:0", "tcp/0.0.0.0:0"), config=certified))
+    with pytest.raises(ConfigurationError, match=r"listen = tcp/0\.0\.0\.0:0: "):
+        warning(Endpoints(listen=("tls/0.0.0.0:0", "tcp/0.0.0.0:0"), config=certified))
 
 
 def setting(config, name):
@@ -337,10 +342,10 @@ def setting(config, name):
 
 
 def test_nothing_is_scouted_for_and_nothing_listens_that_was_not_asked_to():
-    client = configuration(Access(connect=("tcp/127.0.0.1:1",)))
+    client = configuration(Endpoints(connect=("tcp/127.0.0.1:1",)))
     assert setting(client, "mode") == "client"
     assert setting(client, "listen/endpoints") == []
-    peer = configuration(Access(listen=("tcp/127.0.0.1:1",)))
+    peer = configuration(Endpoints(listen=("tcp/127.0.0.1:1",)))
     assert setting(peer, "mode") == "peer"
     assert setting(peer, "connect/endpoints") == []
     for config in (client, peer):
@@ -355,14 +360,14 @@ def test_a_configuration_file_says_what_the_options_leave_open(tmp_path):
              connect: { endpoints: ["tcp/10.0.0.1:7447"], timeout_ms: 77 },
              scouting: { multicast: { enabled: true } } }""",
     )
-    config = configuration(Access(config=path))
+    config = configuration(Endpoints(config=path))
     assert setting(config, "mode") == "peer"
     assert setting(config, "connect/endpoints") == ["tcp/10.0.0.1:7447"]
     assert setting(config, "connect/timeout_ms") == 77
     assert setting(config, "scouting/multicast/enabled") is True
     assert setting(config, "scouting/gossip/enabled") is False
     assert setting(config, "listen/endpoints") == []
-    over = Access(connect=("tcp/127.0.0.1:1",), mode="client", config=path)
+    over = Endpoints(connect=("tcp/127.0.0.1:1",), mode="client", config=path)
     config = configuration(over)
     assert setting(config, "mode") == "client"
     assert setting(config, "connect/endpoints") == ["tcp/127.0.0.1:1"]
@@ -381,14 +386,14 @@ def test_a_configuration_file_that_cannot_be_used_is_one_line(tmp_path, text, sa
     path = tmp_path / "bad.json5"
     if text is not None:
         path.write_text(text)
-    with pytest.raises(AccessError, match=said) as refused:
-        configuration(Access(config=path))
+    with pytest.raises(ConfigurationError, match=said) as refused:
+        configuration(Endpoints(config=path))
     assert "\n" not in str(refused.value)
 
 
 def test_how_long_a_message_may_be_is_always_limited(tmp_path):
     name = "transport/link/rx/max_message_size"
-    plain = Access(connect=("tcp/127.0.0.1:1",))
+    plain = Endpoints(connect=("tcp/127.0.0.1:1",))
     assert setting(configuration(plain), name) == MESSAGE_BYTES_MAX > max(BYTES_MAX.values())
     assert setting(configuration(replace(plain, message_bytes_max=7)), name) == 7
     sizes = {1000: 1000, 2**40: MESSAGE_BYTES_MAX}
@@ -399,9 +404,9 @@ def test_how_long_a_message_may_be_is_always_limited(tmp_path):
 
 
 def test_what_is_too_long_does_not_come_in_and_what_follows_it_does(endpoint, closing):
-    listener = ZenohLink(replace(listening(endpoint), message_bytes_max=100_000), "t/**")
+    listener = ZenohConnection(replace(listening(endpoint), message_bytes_max=100_000), "t/**")
     closing.callback(listener.close)
-    connected = ZenohLink(connecting_to(endpoint), "t/**")
+    connected = ZenohConnection(connecting_to(endpoint), "t/**")
     closing.callback(connected.close)
     until_heard(connected, listener)
     for size in (90_000, 110_000, 1_000_000, 90_001):
@@ -411,7 +416,7 @@ def test_what_is_too_long_does_not_come_in_and_what_follows_it_does(endpoint, cl
 
 def test_certificates_overrule_a_file_but_for_how_patiently_it_connects(tmp_path):
     identity = Identity(*(tmp_path / name for name in ("authority.pem", "r1.pem", "r1.key")))
-    out = Access(connect=("tls/127.0.0.1:1",), identity=identity)
+    out = Endpoints(connect=("tls/127.0.0.1:1",), identity=identity)
     config = configuration(out)
     expected = settings(identity, (), out.connect)
     assert {name: setting(config, name) for name in expected} == expected
@@ -424,14 +429,14 @@ def test_certificates_overrule_a_file_but_for_how_patiently_it_connects(tmp_path
     assert setting(config, "transport/link/tls/enable_mtls") is True
     assert setting(config, "transport/link/tls/so_sndbuf") == 65000
     plain = written(tmp_path / "plain.json5", '{ connect: { endpoints: ["tcp/127.0.0.1:1"] } }')
-    with pytest.raises(AccessError, match="must be tls/"):
-        configuration(Access(config=plain, identity=identity))
+    with pytest.raises(ConfigurationError, match="must be tls/"):
+        configuration(Endpoints(config=plain, identity=identity))
 
 
 @pytest.mark.parametrize("direct_radio", [False, True])
 def test_who_listens_with_certificates_holds_the_rules_and_needs_no_asking(tmp_path, direct_radio):
     identity = Identity(*(tmp_path / name for name in ("authority.pem", "world.pem", "world.key")))
-    wide = Access(listen=("tls/0.0.0.0:0",), identity=identity, direct_radio=direct_radio)
+    wide = Endpoints(listen=("tls/0.0.0.0:0",), identity=identity, direct_radio=direct_radio)
     assert warning(wide) is None
     rules = setting(configuration(wide), "access_control")["rules"]
     hears = next(rule["key_exprs"] for rule in rules if rule["id"] == "r1 hears")

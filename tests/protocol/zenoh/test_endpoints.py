@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from encircle.protocol.zenoh.endpoints import (
-    Access,
-    AccessError,
+    ConfigurationError,
+    Endpoints,
     check_endpoint,
-    here,
+    loopback_endpoint,
     reachable_from_elsewhere,
 )
 
@@ -47,8 +47,8 @@ def test_an_endpoint_is_taken(endpoint):
     ],
 )
 def test_what_is_no_endpoint_is_named_with_what_would_be_right(endpoint):
-    with pytest.raises(AccessError) as refused:
-        Access(connect=(endpoint,))
+    with pytest.raises(ConfigurationError) as refused:
+        Endpoints(connect=(endpoint,))
     said = str(refused.value)
     assert said == f"connect = {endpoint!r}: must be PROTOCOL/HOST:PORT, as in tcp/127.0.0.1:7447"
 
@@ -57,31 +57,31 @@ def test_what_is_no_endpoint_is_named_with_what_would_be_right(endpoint):
     ("endpoint", "protocol"), [("tpc/127.0.0.1:7447", "tpc"), ("tcp://127.0.0.1:7447", "tcp:")]
 )
 def test_an_unknown_protocol_is_named(endpoint, protocol):
-    with pytest.raises(AccessError) as refused:
-        Access(listen=(endpoint,))
+    with pytest.raises(ConfigurationError) as refused:
+        Endpoints(listen=(endpoint,))
     said = f"listen = {endpoint!r}: protocol {protocol!r} is not one of tcp, udp, tls, quic, ws"
     assert str(refused.value) == said
 
 
 def test_any_free_port_can_be_listened_on_but_not_connected_to():
-    Access(listen=("tcp/127.0.0.1:0",))
-    with pytest.raises(AccessError):
-        Access(connect=("tcp/127.0.0.1:0",))
+    Endpoints(listen=("tcp/127.0.0.1:0",))
+    with pytest.raises(ConfigurationError):
+        Endpoints(connect=("tcp/127.0.0.1:0",))
 
 
 def test_a_party_that_neither_listens_nor_connects_is_refused():
-    with pytest.raises(AccessError, match="neither"):
-        Access()
-    assert str(Access(config=Path("own.json5"))) == "own.json5"
+    with pytest.raises(ConfigurationError, match="neither"):
+        Endpoints()
+    assert str(Endpoints(config=Path("own.json5"))) == "own.json5"
 
 
 def test_a_client_does_not_listen():
-    with pytest.raises(AccessError, match="a client only connects"):
-        Access(listen=("tcp/127.0.0.1:1",), mode="client")
+    with pytest.raises(ConfigurationError, match="a client only connects"):
+        Endpoints(listen=("tcp/127.0.0.1:1",), mode="client")
 
 
 def test_it_reads_as_its_endpoints():
-    both = Access(listen=("tcp/127.0.0.1:1",), connect=("tcp/127.0.0.1:2", "tcp/127.0.0.1:3"))
+    both = Endpoints(listen=("tcp/127.0.0.1:1",), connect=("tcp/127.0.0.1:2", "tcp/127.0.0.1:3"))
     assert str(both) == "tcp/127.0.0.1:1, tcp/127.0.0.1:2, tcp/127.0.0.1:3"
 
 
@@ -107,6 +107,6 @@ def test_only_loopback_and_local_sockets_are_out_of_reach_for_others():
 
 
 def test_a_listener_everywhere_is_reached_from_here_by_loopback():
-    assert here("tcp/0.0.0.0:7447") == "tcp/127.0.0.1:7447"
-    assert here("tls/[::]:7447#iface=eth0") == "tls/[::1]:7447#iface=eth0"
-    assert here("tcp/10.0.0.1:7447") == "tcp/10.0.0.1:7447"
+    assert loopback_endpoint("tcp/0.0.0.0:7447") == "tcp/127.0.0.1:7447"
+    assert loopback_endpoint("tls/[::]:7447#iface=eth0") == "tls/[::1]:7447#iface=eth0"
+    assert loopback_endpoint("tcp/10.0.0.1:7447") == "tcp/10.0.0.1:7447"

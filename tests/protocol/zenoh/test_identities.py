@@ -12,8 +12,8 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from helpers_security import Lab
 
-from encircle.protocol.zenoh.endpoints import AccessError
-from encircle.protocol.zenoh.identities import common_name, identity_of, onlookers_identity
+from encircle.protocol.zenoh.endpoints import ConfigurationError
+from encircle.protocol.zenoh.identities import common_name, identity_of, viewer_identity
 
 DAY = timedelta(days=1)
 
@@ -55,7 +55,7 @@ def test_what_was_made_will_do_and_is_whose_it_is(lab, name):
 
 
 def refused(directory, said, name="r1"):
-    with pytest.raises(AccessError, match=said) as error:
+    with pytest.raises(ConfigurationError, match=said) as error:
         identity_of(directory, name)
     assert str(error.value).startswith(f"certificates = {directory}: ")
     assert "\n" not in str(error.value)
@@ -99,13 +99,15 @@ def test_a_key_that_others_may_read_is_refused(files, mode):
 
 
 def test_an_onlooker_is_the_viewer_or_the_only_one_there_is(lab, files):
-    assert onlookers_identity(lab.directory) == lab.identity("viewer")
+    assert viewer_identity(lab.directory) == lab.identity("viewer")
     alone = files()
-    assert onlookers_identity(alone).certificate == alone / "r1.pem"
+    assert viewer_identity(alone).certificate == alone / "r1.pem"
     (alone / "r2.key").touch()
-    assert onlookers_identity(alone).certificate == alone / "r1.pem"
+    assert viewer_identity(alone).certificate == alone / "r1.pem"
     (alone / "r2.pem").touch()
-    with pytest.raises(AccessError, match=r"whose, of r1, r2\? Put viewer\.pem and viewer\.key"):
-        onlookers_identity(alone)
-    with pytest.raises(AccessError, match="No such file"):
-        onlookers_identity(lab.directory / "nowhere")
+    with pytest.raises(
+        ConfigurationError, match=r"whose, of r1, r2\? Put viewer\.pem and viewer\.key"
+    ):
+        viewer_identity(alone)
+    with pytest.raises(ConfigurationError, match="No such file"):
+        viewer_identity(lab.directory / "nowhere")

@@ -103,9 +103,9 @@ def test_strangers_cannot_make_the_counts_grow_without_bound():
 def test_the_log_is_counted_and_what_is_printed_is_printed():
     script = f"""
 import os, sys
-from encircle.protocol.zenoh.refusals import LOG, counted
+from encircle.protocol.zenoh.refusals import LOG, counting_refusals
 print("before")
-with counted() as found:
+with counting_refusals() as found:
     assert os.environ["RUST_LOG"] == LOG
     print("during")
     os.write(1, {(line(direct("Put")) * 3).encode()!r} + b"\\xff\\n")

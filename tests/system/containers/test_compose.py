@@ -37,7 +37,7 @@ SCALED = (*ONE, "docker-compose.scale.yml")
 IMPAIRED = (*ONE, "docker-compose.impaired.yml")
 HOST = ("docker-compose.host.yml",)
 ROBOTS = ("r1", "r2", "r3", "r4")
-PARTIES = {"router", "world", *ROBOTS}
+NODE_KINDS = {"router", "world", *ROBOTS}
 ENDLESS = ";".join(
     (
         "ticks_max=1000000",
@@ -120,9 +120,9 @@ def test_up_runs_simulation_1_as_in_memory_and_leaves_the_recording(engine, comp
     memory = encircle.run("sim1", link="memory")
     with Project(engine, "one", ONE, {"ENCIRCLE_HOST_RUNS": str(runs)}, compose) as project:
         project.up()
-        assert project.statuses() == dict.fromkeys([*PARTIES, "runs"], 0), project.logs("router")
+        assert project.statuses() == dict.fromkeys([*NODE_KINDS, "runs"], 0), project.logs("router")
         users = project.inspected(".Config.User")
-        assert {users[party] for party in PARTIES} == {"1000:1000"}
+        assert {users[node] for node in NODE_KINDS} == {"1000:1000"}
         assert all(project.inspected(".HostConfig.ReadonlyRootfs").values())
         assert not any(project.inspected(".HostConfig.PortBindings").values())
     assert summary(runs)["digest"] == memory.digest
@@ -146,7 +146,7 @@ def test_six_robots(engine, compose, runs):
         project.up()
         statuses = project.statuses()
         said = project.logs("router")
-    assert statuses == dict.fromkeys([*PARTIES, "runs", "more", "more2"], 0), said
+    assert statuses == dict.fromkeys([*NODE_KINDS, "runs", "more", "more2"], 0), said
     assert summary(runs)["digest"] == memory.digest
 
 
@@ -251,9 +251,9 @@ def certificates() -> Iterator[dict[str, Path]]:
     root = Path(tempfile.mkdtemp(prefix="encircle-lab-"))
     lab = make_certificates(root / "lab", 4, ["router", ADDRESS], 1).directory
     placed = {"middle": ("router", "world"), "left": ("r1", "r2"), "right": ("r3", "r4")}
-    for host, parties in placed.items():
+    for host, nodes in placed.items():
         (root / host).mkdir(mode=0o700)
-        own = [f"{party}.{part}" for party in parties for part in ("pem", "key")]
+        own = [f"{node}.{part}" for node in nodes for part in ("pem", "key")]
         for name in ("authority.pem", *own):
             shutil.copy(lab / name, root / host / name)
         for path in (root / host, *(root / host).iterdir()):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from encircle.world.arena.capture import ROBOTS_MIN, is_captured, most_within
+from encircle.world.arena.capture import ROBOTS_MIN, is_captured, robots_within_max
 
 MICRON = 2.0**-20
 
@@ -90,7 +90,7 @@ def test_three_robots_can_capture():
     ],
 )
 def test_as_many_have_room_as_in_known_packings(stop_m, radius_m, target_m, most):
-    assert most_within(stop_m, radius_m, target_m) == most
+    assert robots_within_max(stop_m, radius_m, target_m) == most
 
 
 @pytest.mark.parametrize("target_m", [0.2, 0.5, 1.0])
@@ -116,4 +116,4 @@ def test_no_placement_has_more_robots_than_the_bound(room_m, target_m):
         for d_m in np.arange(stop_m, nearest_m - 1e-9, -2 * radius_m)
         if d_m >= radius_m
     )
-    assert max(found, rings) <= most_within(stop_m, radius_m, target_m)
+    assert max(found, rings) <= robots_within_max(stop_m, radius_m, target_m)

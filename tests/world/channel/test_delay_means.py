@@ -12,17 +12,22 @@ import numpy as np
 import pytest
 from helpers_channel import ALPHA, tables
 from helpers_paths import DOCS
-from helpers_waiting import PATIENCE
+from helpers_waiting import TIMEOUTS
 from helpers_world import small
 from scipy import stats
 
-from encircle.cli.hunting import Wish, hunt_and_draw
+from encircle.cli.hunting import HuntRequest, hunt_and_draw
 from encircle.measures.registry import measure
-from encircle.runlog.runlog import Collector
+from encircle.runlog.runlog import RunLogCollector
 from encircle.runner.hunts import run
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena.engine import build
-from encircle.world.channel.delay_means import Asked, asked, delivered_s_mean, mean_s
+from encircle.world.channel.delay_means import (
+    RequestedDelay,
+    delivered_s_mean,
+    mean_s,
+    requested_delay,
+)
 from encircle.world.coordinator.result import GO_ON
 from encircle.world.scenario.channel_model import Delay
 
@@ -118,12 +123,12 @@ def test_what_is_asked_is_the_mean_over_links_whatever_each_is_given_by():
     scenario = small(
         "channel.delay={model='exponential', mean_s=0.1}", f"channel.links=[{', '.join(links)}]"
     )
-    found = asked(scenario.channel, scenario.ids)
-    assert found == Asked(
+    found = requested_delay(scenario.channel, scenario.ids)
+    assert found == RequestedDelay(
         "exponential and gamma and trace", pytest.approx((8 * 0.1 + 3 * 0.5 + 0.4) / 12)
     )
     lone = small("channel.delay.mean_s=0.3", team={"robots": 1})
-    assert asked(lone.channel, lone.ids) == Asked("constant", 0.3)
+    assert requested_delay(lone.channel, lone.ids) == RequestedDelay("constant", 0.3)
 
 
 @pytest.mark.parametrize(
@@ -137,8 +142,8 @@ def test_what_is_asked_is_the_mean_over_links_whatever_each_is_given_by():
 )
 def test_a_run_tells_the_delay_that_measures_find_in_its_log(stages):
     scenario = small(*tables(**stages), "ticks_max=40", team={"positions": FAR})
-    collector = Collector()
-    result = run_in_memory(build(scenario, 3), "told", print, watch=collector)
+    collector = RunLogCollector()
+    result = run_in_memory(build(scenario, 3), "told", print, observer=collector)
     measured = measure(collector.log(), ["delay_s_mean"])["delay_s_mean"]
     if np.isnan(measured):
         assert result.delay_s_mean is None
@@ -148,8 +153,8 @@ def test_a_run_tells_the_delay_that_measures_find_in_its_log(stages):
 
 def test_a_run_shows_the_delay_that_came_of_it_beside_the_one_asked_for(tmp_path, capsys):
     changes = ["channel.delay.mean_s=0.05", "ticks_max=5"]
-    how = (None, "memory", GO_ON, PATIENCE)
-    wishes = [Wish("sim1", changes, tmp_path / name, *how) for name in "ab"]
+    how = (None, "memory", GO_ON, TIMEOUTS)
+    wishes = [HuntRequest("sim1", changes, tmp_path / name, *how) for name in "ab"]
     hunt_and_draw(wishes[0], as_json=False)
     shown = " ".join(capsys.readouterr().out.split())
     assert "packets' delay │ 0.1 s on average; asked for: 0.05 s (constant)" in shown

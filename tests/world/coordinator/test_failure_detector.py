@@ -7,7 +7,7 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import encode
 from encircle.protocol.errors import OutOfTurn
 from encircle.protocol.keys import robot_key
-from encircle.world.coordinator.failure_detector import Attendance, RunEnded
+from encircle.world.coordinator.failure_detector import FailureDetector, RunCannotContinue
 from encircle.world.coordinator.world_core import WorldCore
 
 ROBOTS = ("r1", "r2", "r3", "r4")
@@ -15,9 +15,9 @@ ROBOTS = ("r1", "r2", "r3", "r4")
 
 def attended(when_lost="go-on", begun=True, changes=()):
     core = WorldCore(arena(*changes), RUN)
-    roll = Attendance(core, when_lost)
+    roll = FailureDetector(core, when_lost)
     for robot in ROBOTS:
-        roll.came(robot)
+        roll.token_appeared(robot)
     if begun:
         roll.begin()
     return core, roll
@@ -39,14 +39,14 @@ def said_by(robot, tick):
 
 def test_the_run_waits_for_everyone_and_for_who_was_there_before():
     core = WorldCore(arena(), RUN)
-    roll = Attendance(core)
+    roll = FailureDetector(core)
     assert roll.expected == ROBOTS
     for robot in ("r3", "r1", "r4"):
-        assert [key for key, _ in roll.came(robot)] == [robot_key(RUN, robot, "setup")]
-    roll.went("r3")
+        assert [key for key, _ in roll.token_appeared(robot)] == [robot_key(RUN, robot, "setup")]
+    roll.token_vanished("r3")
     assert roll.expected == ("r2", "r3")
-    roll.came("r2")
-    assert [key for key, _ in roll.came("r3")] == [robot_key(RUN, "r3", "setup")]
+    roll.token_appeared("r2")
+    assert [key for key, _ in roll.token_appeared("r3")] == [robot_key(RUN, "r3", "setup")]
     assert roll.expected == ()
     assert [key for key, _ in roll.begin()] == [robot_key(RUN, r, "observation") for r in ROBOTS]
     assert core.departures == []
@@ -54,23 +54,23 @@ def test_the_run_waits_for_everyone_and_for_who_was_there_before():
 
 @pytest.mark.parametrize("robot", ["r9", "", "*"])
 def test_strangers_do_not_count(robot):
-    roll = Attendance(WorldCore(arena(), RUN))
+    roll = FailureDetector(WorldCore(arena(), RUN))
     with pytest.raises(OutOfTurn, match="not in this team"):
-        roll.came(robot)
-    assert roll.went(robot) == []
+        roll.token_appeared(robot)
+    assert roll.token_vanished(robot) == []
     assert roll.expected == ROBOTS
 
 
 def test_a_robot_whose_token_goes_is_lost_and_counted_in_again_with_its_token():
     core, roll = attended()
     answer(core, "r1", "r3", "r4")
-    outgoing = roll.went("r2")
+    outgoing = roll.token_vanished("r2")
     assert {key for key, _ in outgoing} == {
         robot_key(RUN, robot, "observation") for robot in ("r1", "r3", "r4")
     }
     assert core.departures == [(0, "r2", "lost: it is gone")]
-    assert roll.went("r2") == []
-    assert roll.came("r2") == []
+    assert roll.token_vanished("r2") == []
+    assert roll.token_appeared("r2") == []
     answer(core, "r1", "r3", "r4")
     assert core.departures[1:] == [(2, "r2", "back")]
     assert core.table.waiting() == ROBOTS
@@ -79,12 +79,12 @@ def test_a_robot_whose_token_goes_is_lost_and_counted_in_again_with_its_token():
 def test_those_that_do_not_answer_are_lost_and_a_late_answer_brings_them_back():
     core, roll = attended()
     answer(core, "r1", "r3")
-    roll.silent(0, 3.0)
+    roll.answer_overdue(0, 3.0)
     assert core.departures == [(0, r, "lost: no answer for 3 s") for r in ("r2", "r4")]
     assert core.state.tick == 1
     for key, payload in said_by("r4", 0):
         assert core.receive(key, payload) == []
-        roll.heard(key, payload)
+        roll.sign_of_life(key, payload)
     answer(core, "r1", "r3")
     assert core.departures[2:] == [(2, "r4", "back")]
     assert core.lost == ("r2",)
@@ -96,7 +96,7 @@ def test_a_robot_that_missed_what_it_was_asked_is_asked_anew_until_it_answers():
     answer(core, *ROBOTS)
     assert roll.reminders() == []
     answer(core, "r1", "r3", "r4")
-    roll.silent(1, 3.0)
+    roll.answer_overdue(1, 3.0)
     answer(core, "r1", "r3", "r4")
     asked = roll.reminders()
     assert asked == roll.reminders()
@@ -107,7 +107,7 @@ def test_a_robot_that_missed_what_it_was_asked_is_asked_anew_until_it_answers():
     assert (dict(deaf.refused), len(said)) == ({}, 2)
     for message in said:
         core.receive(*message)
-        roll.heard(*message)
+        roll.sign_of_life(*message)
     assert roll.reminders() == []
     answer(core, "r1", "r3", "r4")
     assert core.departures == [(1, "r2", "lost: no answer for 3 s"), (4, "r2", "back")]
@@ -120,13 +120,13 @@ def test_a_robot_whose_token_went_and_that_is_there_all_the_same_is_back(fell_si
     answer(core, *ROBOTS)
     answer(core, "r1", "r3", "r4")
     if fell_silent_before:
-        roll.silent(1, 3.0)
-    roll.went("r2")
+        roll.answer_overdue(1, 3.0)
+    roll.token_vanished("r2")
     lost = core.departures[-1]
     # What comes in the next moment was under way when it went.
     for _ in range(2):
         for message in said_by("r2", 1):
-            roll.heard(*message)
+            roll.sign_of_life(*message)
         assert core.lost == ("r2",)
         answer(core, "r1", "r3", "r4")
         assert core.lost == ("r2",)
@@ -137,32 +137,32 @@ def test_a_robot_whose_token_went_and_that_is_there_all_the_same_is_back(fell_si
     said = [reply for message in asked for reply in alive.receive(*message)]
     assert (dict(alive.refused), len(said)) == ({}, 2)
     for message in said:
-        roll.heard(*message)
+        roll.sign_of_life(*message)
     assert roll.reminders() == []
     answer(core, "r1", "r3", "r4")
     assert core.departures == [lost, (core.state.tick, "r2", "back")]
     # Its token, if that comes yet, brings nobody else, and counts from then on.
-    assert roll.came("r2") == []
+    assert roll.token_appeared("r2") == []
     assert core.refused == {}
-    roll.went("r2")
+    roll.token_vanished("r2")
     assert core.departures[2:] == [(core.state.tick, "r2", "lost: it is gone")]
-    roll.came("r2")
+    roll.token_appeared("r2")
     answer(core, "r1", "r3", "r4")
     assert core.departures[3:] == [(core.state.tick, "r2", "back")]
 
 
 def test_a_robot_that_spoke_without_a_token_and_fell_silent_is_back_with_one():
     core, roll = attended()
-    roll.went("r2")
+    roll.token_vanished("r2")
     for _ in range(2):
         roll.reminders()
     for message in said_by("r2", 0):
-        roll.heard(*message)
+        roll.sign_of_life(*message)
     answer(core, "r1", "r3", "r4")
     assert core.lost == ()
     answer(core, "r1", "r3", "r4")
-    roll.silent(core.state.tick, 3.0)
-    roll.came("r2")
+    roll.answer_overdue(core.state.tick, 3.0)
+    roll.token_appeared("r2")
     answer(core, "r1", "r3", "r4")
     assert core.lost == ()
 
@@ -170,10 +170,10 @@ def test_a_robot_that_spoke_without_a_token_and_fell_silent_is_back_with_one():
 def test_a_robot_that_is_gone_is_not_asked_anew_at_once():
     core, roll = attended()
     answer(core, "r1", "r3", "r4")
-    roll.silent(0, 3.0)
-    roll.went("r2")
+    roll.answer_overdue(0, 3.0)
+    roll.token_vanished("r2")
     assert roll.reminders() == []
-    roll.came("r2")
+    roll.token_appeared("r2")
     answer(core, "r1", "r3", "r4")
     assert core.departures[1:] == [(2, "r2", "back")]
     assert roll.reminders() == []
@@ -183,17 +183,17 @@ def test_an_answer_that_comes_in_the_last_moment_makes_nobody_else_late():
     core, roll = attended()
     answer(core, *ROBOTS)
     assert core.state.tick == 1
-    assert roll.silent(0, 3.0) == []
+    assert roll.answer_overdue(0, 3.0) == []
     assert core.departures == []
 
 
 def test_a_robot_that_goes_as_the_run_begins_is_lost_in_its_first_round_and_may_come_back():
     core, roll = attended(begun=False)
-    roll.went("r2")
+    roll.token_vanished("r2")
     roll.begin()
     assert core.departures == [(0, "r2", "lost: it is gone")]
     assert core.table.waiting() == ("r1", "r3", "r4")
-    roll.came("r2")
+    roll.token_appeared("r2")
     answer(core, "r1", "r3", "r4")
     assert core.departures[1:] == [(1, "r2", "back")]
 
@@ -201,7 +201,7 @@ def test_a_robot_that_goes_as_the_run_begins_is_lost_in_its_first_round_and_may_
 def test_only_its_own_whole_messages_are_a_robots_sign_of_life():
     core, roll = attended()
     answer(core, "r1", "r3", "r4")
-    roll.silent(0, 3.0)
+    roll.answer_overdue(0, 3.0)
     [(key, sound), _] = said_by("r2", 0)
     [(_, of_another), _] = said_by("r3", 0)
     for where, payload in [
@@ -215,7 +215,7 @@ def test_only_its_own_whole_messages_are_a_robots_sign_of_life():
         (robot_key("*", "r2", "pose"), sound),
         ("nonsense", sound),
     ]:
-        roll.heard(where, payload)
+        roll.sign_of_life(where, payload)
     answer(core, "r1", "r3", "r4")
     assert core.lost == ("r2",)
 
@@ -223,9 +223,9 @@ def test_only_its_own_whole_messages_are_a_robots_sign_of_life():
 def test_what_a_robot_had_sent_before_it_was_gone_does_not_bring_it_back():
     core, roll = attended()
     answer(core, "r1", "r3", "r4")
-    roll.went("r2")
+    roll.token_vanished("r2")
     for key, payload in said_by("r2", 0):
-        roll.heard(key, payload)
+        roll.sign_of_life(key, payload)
     answer(core, "r1", "r3", "r4")
     assert core.lost == ("r2",)
 
@@ -233,30 +233,30 @@ def test_what_a_robot_had_sent_before_it_was_gone_does_not_bring_it_back():
 def test_without_any_robot_left_the_run_ends():
     _, roll = attended()
     for robot in ("r3", "r1"):
-        roll.went(robot)
+        roll.token_vanished(robot)
     with pytest.raises(
-        RunEnded, match="no answer from r2, r4 for 3 s at tick 0, and no robot is l"
+        RunCannotContinue, match="no answer from r2, r4 for 3 s at tick 0, and no robot is l"
     ):
-        roll.silent(0, 3.0)
-    roll.went("r4")
-    with pytest.raises(RunEnded, match="robot r2 is gone at tick 0, and no robot is left"):
-        roll.went("r2")
+        roll.answer_overdue(0, 3.0)
+    roll.token_vanished("r4")
+    with pytest.raises(RunCannotContinue, match="robot r2 is gone at tick 0, and no robot is left"):
+        roll.token_vanished("r2")
 
 
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_run_may_be_told_to_end_with_the_first_loss(begun):
     core, roll = attended("end", begun)
-    with pytest.raises(RunEnded, match="robot r2 is gone"):
-        roll.went("r2")
+    with pytest.raises(RunCannotContinue, match="robot r2 is gone"):
+        roll.token_vanished("r2")
     assert core.departures == []
 
 
 def test_nobody_is_lost_of_whom_nothing_is_awaited():
     core, roll = attended()
     core.fail("for a test")
-    assert roll.went("r2") == []
+    assert roll.token_vanished("r2") == []
     core, roll = attended(begun=False)
-    assert roll.silent(0, 3.0) == []
+    assert roll.answer_overdue(0, 3.0) == []
 
 
 def resumed(lost=(), changes=()):
@@ -269,35 +269,35 @@ def resumed(lost=(), changes=()):
         core.leave(robot, "it is gone")
     for _ in range(2):
         answer(core, *core.table.waiting())
-    briefings = {r: [(robot_key(RUN, r, "setup"), b"so far")] for r in core.table.waiting()}
-    return core, Attendance(core, "go-on", briefings)
+    histories = {r: [(robot_key(RUN, r, "setup"), b"so far")] for r in core.table.waiting()}
+    return core, FailureDetector(core, "go-on", histories)
 
 
 def test_robots_of_a_run_that_is_resumed_are_told_what_was_and_asked():
     core, roll = resumed(lost=("r2",))
     assert roll.expected == ("r1", "r3", "r4")
     assert not roll.may_begin
-    told = roll.came("r3")
+    told = roll.token_appeared("r3")
     assert [key for key, _ in told] == [
         robot_key(RUN, "r3", channel) for channel in ("setup", "observation")
     ]
     assert roll.may_begin
     # Gone and there again before the run goes on: told once more.
-    assert roll.went("r3") == []
-    assert roll.came("r3") == told
+    assert roll.token_vanished("r3") == []
+    assert roll.token_appeared("r3") == told
     for robot in ("r1", "r2", "r4"):
-        roll.came(robot)
+        roll.token_appeared(robot)
     roll.begin()
     answer(core, "r1", "r3", "r4")
     assert core.departures[1:] == [(3, "r2", "back")]
     with pytest.raises(OutOfTurn, match="not in this team"):
-        resumed()[1].came("r9")
+        resumed()[1].token_appeared("r9")
 
 
 def test_a_run_that_is_resumed_goes_on_without_those_that_do_not_come():
     core, roll = resumed()
     for robot in ("r1", "r4"):
-        roll.came(robot)
+        roll.token_appeared(robot)
     roll.begin()
     assert [d[1:] for d in core.departures] == [
         (robot, "lost: it did not come back") for robot in ("r2", "r3")
@@ -310,14 +310,14 @@ def test_a_robot_that_the_scenario_had_taken_away_and_that_does_not_come_is_not_
     crash = 'events=[{kind="crash", robot="r3", tick=1, ticks=3}]'
     core, roll = resumed(changes=[crash])
     for robot in ("r1", "r2", "r4"):
-        roll.came(robot)
+        roll.token_appeared(robot)
     roll.begin()
     for _ in range(4):
         answer(core, "r1", "r2", "r4")
     assert (core.state.tick, core.lost) == (6, ("r3",))
-    roll.came("r3")
+    roll.token_appeared("r3")
     answer(core, "r1", "r2", "r4")
     assert core.table.waiting() == ROBOTS
     # Gone once more, it is missed once more.
-    roll.went("r3")
+    roll.token_vanished("r3")
     assert core.departures[-1] == (7, "r3", "lost: it is gone")

@@ -22,7 +22,7 @@ from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import Observation, Setup
 from encircle.replay.replaying import replay
 from encircle.runlog.recorded_log import log_of_recording
-from encircle.runlog.runlog import Collector
+from encircle.runlog.runlog import RunLogCollector
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
 from encircle.world.arena.dynamics import COAST_TICKS
@@ -224,12 +224,12 @@ def test_a_body_that_nobody_commands_is_no_hunter_though_it_stands_in_the_ring()
     assert not all_gone.captured
 
 
-def recorded(path, *overrides, watch=None):
+def recorded(path, *overrides, observer=None):
     """A run of simulation 1 in memory with a recording, and its result."""
     scenario = load("sim1", overrides)
     recorder = start_recording(create(path), scenario, "kept")
     hunted = build(scenario, scenario.seed)
-    result = run_in_memory(hunted, "kept", print, recorder.record, watch=watch)
+    result = run_in_memory(hunted, "kept", print, recorder.record, observer=observer)
     recorder.close()
     return result
 
@@ -259,8 +259,8 @@ def test_a_crash_in_the_scenario_takes_its_robot_and_brings_it_back(tmp_path):
 
 
 def test_a_run_with_losses_and_returns_replays_and_its_log_is_the_same_either_way(tmp_path):
-    collector = Collector()
-    result = recorded(tmp_path / "run", CRASHES, "ticks_max=40", watch=collector)
+    collector = RunLogCollector()
+    result = recorded(tmp_path / "run", CRASHES, "ticks_max=40", observer=collector)
     check = replay(tmp_path / "run")
     assert check.same
     assert check.differences == ()
@@ -295,7 +295,7 @@ def test_a_recording_shows_when_a_robot_is_lost_in_the_midst_of_a_round(tmp_path
                 out += core.receive(key, payload)
         if core.state.tick == 6:
             core.join("r4")
-    core.settle()
+    core.commit()
     recorder.close()
     check = replay(tmp_path / "run")
     assert core.departures == [
@@ -380,11 +380,11 @@ def test_a_run_without_losses_has_the_digest_that_it_would_have_if_none_could_be
             parts.append(part)
 
     core = WorldCore(arena("ticks_max=1"), RUN)
-    core._account.digest = Hashed()
+    core._journal.digest = Hashed()
     begun(core)
     for sent in answers(core):
         core.receive(*sent)
-    core.settle()
+    core.commit()
     bodies = 2 * len(core.arena.ids)
     assert len(parts) == 1 + 1 + bodies + 1  # truth; fates; poses and commands; truth
 

@@ -38,7 +38,7 @@ def key(robot, channel, run=RUN):
     return robot_key(run, robot, channel)
 
 
-def packed(message, **changes):
+def encode_any_length(message, **changes):
     """The message's bytes with fields changed, or left out where the change is ``...``."""
     body = msgpack.unpackb(encode(message, RUN)) | changes
     return msgpack.packb({name: value for name, value in body.items() if value is not ...})
@@ -54,18 +54,22 @@ def refusals(tick):
         ("malformed", key("r1", "pose"), encode(said, RUN)[:-1]),
         ("malformed", key("r1", "pose"), encode(said, RUN) + b"\x00"),
         ("malformed", key("r1", "pose"), encode(asked, RUN)),
-        ("malformed", key("r1", "command"), packed(asked, step=...)),
-        ("malformed", key("r1", "command"), packed(asked, colour="red")),
-        ("malformed", key("r1", "command"), packed(asked, step=[float("nan"), 0.0])),
-        ("malformed", key("r1", "command"), packed(asked, step=[float("inf"), 0.0])),
-        ("malformed", key("r1", "command"), packed(asked, step=[0.1])),
-        ("malformed", key("r1", "command"), packed(asked, tick="now")),
-        ("malformed", key("r1", "command"), packed(asked, tick=-1)),
-        ("oversized", key("r1", "pose"), packed(said, mode="x" * BYTES_MAX[Pose])),
-        ("oversized", key("r1", "command"), packed(asked, mode="x" * BYTES_MAX[Command])),
-        ("wrong-version", key("r1", "pose"), packed(said, v=VERSION + 1)),
-        ("wrong-version", key("r1", "pose"), packed(said, v=...)),
-        ("wrong-run", key("r1", "pose"), packed(said, run="another")),
+        ("malformed", key("r1", "command"), encode_any_length(asked, step=...)),
+        ("malformed", key("r1", "command"), encode_any_length(asked, colour="red")),
+        ("malformed", key("r1", "command"), encode_any_length(asked, step=[float("nan"), 0.0])),
+        ("malformed", key("r1", "command"), encode_any_length(asked, step=[float("inf"), 0.0])),
+        ("malformed", key("r1", "command"), encode_any_length(asked, step=[0.1])),
+        ("malformed", key("r1", "command"), encode_any_length(asked, tick="now")),
+        ("malformed", key("r1", "command"), encode_any_length(asked, tick=-1)),
+        ("oversized", key("r1", "pose"), encode_any_length(said, mode="x" * BYTES_MAX[Pose])),
+        (
+            "oversized",
+            key("r1", "command"),
+            encode_any_length(asked, mode="x" * BYTES_MAX[Command]),
+        ),
+        ("wrong-version", key("r1", "pose"), encode_any_length(said, v=VERSION + 1)),
+        ("wrong-version", key("r1", "pose"), encode_any_length(said, v=...)),
+        ("wrong-run", key("r1", "pose"), encode_any_length(said, run="another")),
         ("wrong-run", key("r1", "command"), encode(asked, "another")),
         ("wrong-sender", key("r2", "pose"), encode(said, RUN)),
         ("wrong-sender", key("r2", "command"), encode(asked, RUN)),
@@ -151,7 +155,7 @@ def test_a_step_however_large_is_made_as_far_as_the_robot_can(size):
 @pytest.mark.parametrize("size", [1e9, -1e200, 1e308, 2**60])
 def test_a_step_beyond_all_measure_is_refused(size):
     core = begun(WorldCore(arena(), RUN))
-    core.receive(key("r1", "command"), packed(command("r1", 0), step=[size, 0.0]))
+    core.receive(key("r1", "command"), encode_any_length(command("r1", 0), step=[size, 0.0]))
     assert core.result().refused == {"malformed": 1}
     assert "r1" in core.table.waiting()
 

@@ -76,7 +76,7 @@ def test_when_it_is_settled_does_not_show_in_the_digest():
     while core.ended is None:
         for where, payload in answers(core):
             core.receive(where, payload)
-            core.settle()
+            core.commit()
         core.result()
     assert core.result() == PLAIN
 

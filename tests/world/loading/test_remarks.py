@@ -214,14 +214,14 @@ def test_what_the_remark_says_of_late_packets_is_so():
         changes = [f"channel.delay.mean_s={mean_s}", "robot.peer_age_ticks_max=5"]
         far = [[40.0, 0.0], [-40.0, 0.0], [0.0, 40.0]]
         scenario = load({"ticks_max": 12, "team": {"positions": far}}, changes)
-        collected = Collector()
-        run_in_memory(build(scenario, 1), "aged", print, watch=collected)
+        collected = RunLogCollector()
+        run_in_memory(build(scenario, 1), "aged", print, observer=collected)
         teams[mean_s] = collected.teams[-1]
         assert bool(remarks_on(scenario)) == (mean_s > 0.5)
     assert teams == {0.5: [3, 3, 3], 0.6: [1, 1, 1]}
 
 
-class Collector:
+class RunLogCollector:
     """With how many robots each robot plans, by tick."""
 
     def __init__(self):

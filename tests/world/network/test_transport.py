@@ -6,7 +6,7 @@ from helpers_networks import DRIFTS, OFFSETS_US, delays_us, lossier, lossy
 from helpers_real_time import EPOCH_US, Simulated, by_clock
 
 from encircle.protocol.messages import Radio
-from encircle.world.network.message_ledger import Traffic
+from encircle.world.network.message_ledger import MessageLedger
 from encircle.world.network.transport import (
     SETTLE_S,
     clock,
@@ -15,7 +15,7 @@ from encircle.world.network.transport import (
     links_of,
     offsets_of,
     report,
-    ways_of,
+    transits_of,
 )
 
 
@@ -43,7 +43,7 @@ def losing_all() -> Simulated:
 def link(played: Simulated, sender: str, receiver: str, carries: str):
     [found] = [
         one
-        for one in links_of(played.world.traffic)
+        for one in links_of(played.world.ledger)
         if (one.sender, one.receiver, one.carries) == (sender, receiver, carries)
     ]
     return found
@@ -51,7 +51,7 @@ def link(played: Simulated, sender: str, receiver: str, carries: str):
 
 def test_clocks_an_hour_apart_are_told_within_their_bounds(clean):
     for robot, ahead_us in OFFSETS_US.items():
-        told = clock(robot, offsets_of(clean.world.traffic, robot))
+        told = clock(robot, offsets_of(clean.world.ledger, robot))
         last_us = clean.world.state.tick * 20_000
         true_s = (ahead_us + DRIFTS[robot] * last_us) / 1e6
         assert told["steady"]
@@ -61,15 +61,15 @@ def test_clocks_an_hour_apart_are_told_within_their_bounds(clean):
 
 
 def test_one_way_delays_are_what_was_put_in_within_their_bounds(clean):
-    traffic = clean.world.traffic
-    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
+    ledger = clean.world.ledger
+    offsets = {robot: offsets_of(ledger, robot) for robot in ledger.robots}
     for sender, receiver in (("r1", "r2"), ("r2", "r1"), ("r4", "r3")):
-        ways = ways_of(traffic, sender, receiver, offsets)
-        assert len(ways) > 90
-        for number, way in enumerate(ways):
-            assert not way.lost
+        transits = transits_of(ledger, sender, receiver, offsets)
+        assert len(transits) > 90
+        for number, transit in enumerate(transits):
+            assert not transit.lost
             true_us = delays_us(sender, receiver, "pose", number)
-            assert abs(way.delay_us - true_us) <= way.error_us
+            assert abs(transit.delay_us - true_us) <= transit.error_us
 
 
 @pytest.mark.parametrize(
@@ -88,13 +88,13 @@ def test_delays_of_the_legs_are_what_was_put_in_within_their_bounds(
 
 
 def test_losses_between_robots_are_exactly_those_of_the_network(losing):
-    traffic = losing.world.traffic
-    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
-    for sender in traffic.robots:
-        for receiver in traffic.robots:
+    ledger = losing.world.ledger
+    offsets = {robot: offsets_of(ledger, robot) for robot in ledger.robots}
+    for sender in ledger.robots:
+        for receiver in ledger.robots:
             if sender == receiver:
                 continue
-            lost = [way.lost for way in ways_of(traffic, sender, receiver, offsets)]
+            lost = [transit.lost for transit in transits_of(ledger, sender, receiver, offsets)]
             truth = losing.sent[sender, receiver, "pose"]
             first = truth.index(False)
             assert lost == truth[first : first + len(lost)]
@@ -144,21 +144,23 @@ def fading(sender: str, receiver: str, channel: str, number: int) -> int | None:
 def test_however_many_commands_are_lost_losses_between_robots_are_those_of_the_network(network):
     played = Simulated(by_clock("radio=direct", "ticks_max=300"), network, OFFSETS_US, DRIFTS)
     played.run()
-    traffic = played.world.traffic
-    offsets = {robot: offsets_of(traffic, robot) for robot in traffic.robots}
+    ledger = played.world.ledger
+    offsets = {robot: offsets_of(ledger, robot) for robot in ledger.robots}
     total = 0
-    for sender in traffic.robots:
-        for receiver in traffic.robots:
+    for sender in ledger.robots:
+        for receiver in ledger.robots:
             if sender == receiver:
                 continue
-            ways = ways_of(traffic, sender, receiver, offsets)
+            transits = transits_of(ledger, sender, receiver, offsets)
             truth = played.sent[sender, receiver, "pose"]
             first = truth.index(False)
-            assert [way.number for way in ways] == list(range(first, first + len(ways)))
-            assert [way.lost for way in ways] == truth[first : first + len(ways)]
+            assert [transit.number for transit in transits] == list(
+                range(first, first + len(transits))
+            )
+            assert [transit.lost for transit in transits] == truth[first : first + len(transits)]
             # All but those of the last second, and of what was not known of when the run ended.
-            assert len(truth) - first - len(ways) <= SETTLE_S / 0.02 + 20
-            total += len(ways)
+            assert len(truth) - first - len(transits) <= SETTLE_S / 0.02 + 20
+            total += len(transits)
     assert total > 12 * 180
 
 
@@ -166,7 +168,7 @@ def test_losses_of_commands_observations_and_packets_are_told_apart(losing_all):
     """In each direction all that was lost is counted once, as what it was."""
     losing = losing_all
     for robot in losing.scenario.ids:
-        answered = losing.world.traffic.stays[robot][-1].last_tick + 1
+        answered = losing.world.ledger.participations[robot][-1].last_tick + 1
         observations = losing.sent["world", robot, "observation"][:answered]
         assert link(losing, "world", robot, "observation").lost == sum(observations)
         commands = losing.sent[robot, "world", "command"]
@@ -184,9 +186,9 @@ def test_what_the_modelled_radio_does_is_no_loss_of_the_network():
     scenario = by_clock("radio=direct", 'channel.loss={model="bernoulli",rate=0.4}')
     played = Simulated(scenario, delays_us)
     played.run()
-    found = links_of(played.world.traffic)
+    found = links_of(played.world.ledger)
     assert sum(one.lost for one in found) == 0
-    told = injected(played.world.traffic)
+    told = injected(played.world.ledger)
     assert len(told) == 12
     assert all(one["lost"]["loss"] > 20 for one in told)
     assert sum(one["sent"] for one in told) == played.world.result().packets_sent
@@ -195,10 +197,10 @@ def test_what_the_modelled_radio_does_is_no_loss_of_the_network():
 
 
 def test_injected_delay_is_in_seconds():
-    traffic = Traffic(("r1", "r2"), 0.02, direct=True)
-    traffic.radioed(Radio(10, ((0, 12), (-1, 0)), ((0, 15), (0, 0))))
-    traffic.radioed(Radio(11, ((0, 17), (-8, 0))))
-    one, other = injected(traffic)
+    ledger = MessageLedger(("r1", "r2"), 0.02, direct=True)
+    ledger.fates_drawn(Radio(10, ((0, 12), (-1, 0)), ((0, 15), (0, 0))))
+    ledger.fates_drawn(Radio(11, ((0, 17), (-8, 0))))
+    one, other = injected(ledger)
     assert one == {
         "sender": "r1",
         "receiver": "r2",
@@ -219,7 +221,7 @@ def test_delays_are_refused_when_the_clocks_are_not_known_to_half_a_tick():
 
     played = Simulated(by_clock("radio=direct", "team.hold_ticks_max=20"), slow)
     played.run()
-    for one in links_of(played.world.traffic):
+    for one in links_of(played.world.ledger):
         assert one.delay_s_median is one.delay_s_p99 is None
         assert one.delay_s_error > 0.01
         assert "not known to within half a tick (10.00 ms)" in one.delay_refused
@@ -237,9 +239,7 @@ def test_delays_are_refused_when_a_clock_was_set_anew_in_mid_run():
 
     played = Jumping(by_clock("radio=direct"), delays_us)
     played.run()
-    found = {
-        (one.sender, one.receiver): one.delay_refused for one in links_of(played.world.traffic)
-    }
+    found = {(one.sender, one.receiver): one.delay_refused for one in links_of(played.world.ledger)}
     assert "clock of r2 was set anew" in found["r1", "r2"]
     assert "clock of r2 was set anew" in found["world", "r2"]
     assert found["r1", "r3"] is None
@@ -258,12 +258,12 @@ def test_a_frozen_robot_has_lost_nothing_when_it_goes_on_and_had_it_late():
     assert found.sent >= 98
     assert found.delay_s_p99 > 0.35
     assert np.abs(quantiles_s - (found.delay_s_median, found.delay_s_p99)).max() < 0.003
-    assert all(one.lost == 0 for one in links_of(world.traffic))
+    assert all(one.lost == 0 for one in links_of(world.ledger))
     counts = world.summary()
     assert counts["r2"]["held"] >= 5
     assert counts["r2"]["stood_still"] >= 10
     assert counts["r1"] == {"late": 0, "held": 0, "stood_still": 0, "superseded": 0}
-    assert world.traffic.stays["r2"][-1].passed_over >= 15
+    assert world.ledger.participations["r2"][-1].passed_over >= 15
 
 
 def test_what_was_sent_to_a_robot_that_was_cut_off_at_the_end_is_not_known_to_have_come():
@@ -279,14 +279,14 @@ def test_what_was_sent_to_a_robot_that_was_cut_off_at_the_end_is_not_known_to_ha
 
 
 def test_a_full_ledger_says_from_when_on(clean):
-    traffic = Traffic(("r1", "r2"), 0.02, direct=True, rows_max=3)
-    source = clean.world.traffic
-    traffic.joined("r1", 0)
-    for number, (tick, sent_us, came_us) in source.stays["r1"][0].packets.items():
+    ledger = MessageLedger(("r1", "r2"), 0.02, direct=True, rows_max=3)
+    source = clean.world.ledger
+    ledger.joined("r1", 0)
+    for number, (tick, sent_us, arrival_us) in source.participations["r1"][0].packets.items():
         pose = _pose(number, tick, sent_us)
-        traffic.packet(pose, came_us)
-    assert len(traffic.stays["r1"][0].packets) == 3
-    assert report(traffic)["incomplete_from_tick"] == 3
+        ledger.packet(pose, arrival_us)
+    assert len(ledger.participations["r1"][0].packets) == 3
+    assert report(ledger)["incomplete_from_tick"] == 3
     assert report(source)["incomplete_from_tick"] is None
 
 
@@ -315,10 +315,10 @@ def test_robots_that_never_hear_each_other_have_lost_every_packet():
 
 
 def test_nothing_is_concluded_from_a_run_in_which_nothing_came():
-    traffic = Traffic(("r1", "r2"), 0.02, direct=True)
-    traffic.joined("r1", 0)
-    traffic.joined("r2", 0)
-    traffic.asked("r1", 0, EPOCH_US)
-    for one in links_of(traffic):
+    ledger = MessageLedger(("r1", "r2"), 0.02, direct=True)
+    ledger.joined("r1", 0)
+    ledger.joined("r2", 0)
+    ledger.asked("r1", 0, EPOCH_US)
+    for one in links_of(ledger):
         assert (one.sent, one.lost) == (0, 0)
         assert one.delay_refused == "no exchange of times"

@@ -91,7 +91,7 @@ def test_robots_lost_by_chance_at_any_point_of_a_round_are_lost_again(tmp_path):
                 robot in core.table.waiting() or (robot != "r3" and fates.random() < 0.05)
             ):
                 core.leave(robot, "chance")
-    core.settle()
+    core.commit()
     losses = [what for _, _, what in core.departures]
     assert losses.count("back") > 20
     assert losses.count("lost: chance") > 20

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 from encircle.measures.registry import measure
 from encircle.protocol.plugins import error_line
 from encircle.protocol.process.log import bounded_log
-from encircle.runlog.runlog import Collector, RunLog
-from encircle.runner.memory import RunBroken, run_in_memory
+from encircle.runlog.runlog import RunLog, RunLogCollector
+from encircle.runner.memory import RunEndedByPlugin, run_in_memory
 from encircle.studies import sources
 from encircle.studies.sources import Names
 from encircle.world.arena.engine import build
@@ -63,11 +63,11 @@ def run_task(task: Task) -> tuple[str, list[Row]]:
 def run_seed(task: Task, scenario: Scenario, seed: int, code: tuple[str, str]) -> Row:
     """One run in memory: its row, which says so if the run failed, whatever the reason."""
     begun_s = time.perf_counter()
-    collector = Collector()
+    collector = RunLogCollector()
     try:
-        result = run_in_memory(build(scenario, seed), RUN, bounded_log(), watch=collector)
+        result = run_in_memory(build(scenario, seed), RUN, bounded_log(), observer=collector)
         return row(task, collector.log(), result.digest, begun_s, code)
-    except RunBroken as error:
+    except RunEndedByPlugin as error:
         return failed_row(task, seed, str(error), error.failed.trace, begun_s, code)
     except Exception as error:
         # It is this run's, and no reason to lose the others.
@@ -90,8 +90,8 @@ def failed_row(
 ) -> Row:
     """The row of a run that failed: nothing was measured. ``trace`` goes with it to its file."""
     nothing = dict.fromkeys(task.columns, nan)
-    found = _row(task, seed, ("", nan, 0, failure), nothing, begun_s, code)
-    return {**found, TRACE: trace}
+    base_row = _row(task, seed, ("", nan, 0, failure), nothing, begun_s, code)
+    return {**base_row, TRACE: trace}
 
 
 def _row(

@@ -1,6 +1,6 @@
 """Strategies: from a robot's view of the hunt to where it wants to step.
 
-A strategy is any callable with the signature of ``Strategy``. Those of other packages are found by
+A strategy is any callable with the signature of ``Policy``. Those of other packages are found by
 entry point, group ``encircle.strategies``; the name there is the name in a scenario. Strategies are
 pure: same view, same choice. The brain shortens the step to what the robot can do and keeps it from
 collisions.
@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.agents.planning.assignment import assign, kept_or_assigned
+from encircle.agents.planning.assignment import assign, assign_with_hysteresis
 from encircle.agents.planning.prediction_step import best_step
 from encircle.agents.planning.ring import encirclement_points
 from encircle.agents.planning.shrink import deviation, encloses, sides
@@ -40,7 +40,7 @@ class View(NamedTuple):
     previous_goal: Point | None = None
 
 
-class Choice(NamedTuple):
+class Decision(NamedTuple):
     """What a strategy wants: a step in m, and the reasons, for peers and for the record."""
 
     mode: str
@@ -51,14 +51,14 @@ class Choice(NamedTuple):
     predictor: str | None = None
 
 
-class Strategy(Protocol):
+class Policy(Protocol):
     """From a view to a choice, without memory and without side effects."""
 
-    def __call__(self, view: View) -> Choice:
+    def __call__(self, view: View) -> Decision:
         """Choose."""
 
 
-def encircle_or_shrink(view: View, xi_grid: tuple[float, ...] | None = None) -> Choice:
+def encircle_or_shrink(view: View, xi_grid: tuple[float, ...] | None = None) -> Decision:
     """The paper's approach: shrink if the ring is closed, else go to the point at xi*.
 
     ``xi_grid``: prediction steps to choose from, the parameters' own by default.
@@ -66,31 +66,31 @@ def encircle_or_shrink(view: View, xi_grid: tuple[float, ...] | None = None) -> 
     return _shrink(view) or _encircle(view, xi_grid or view.parameters.xi_grid)
 
 
-def pursue(view: View) -> Choice:
+def pursue(view: View) -> Decision:
     """Straight towards the target's estimated position, without any coordination."""
-    return Choice("pursue", _close_in(view, 0.0), view.target)
+    return Decision("pursue", _close_in(view, 0.0), view.target)
 
 
-def _encircle(view: View, xi_grid: tuple[float, ...]) -> Choice:
+def _encircle(view: View, xi_grid: tuple[float, ...]) -> Decision:
     parameters = view.parameters
     predicted, predictor = view.predict(xi_grid)
     points = encirclement_points(view.positions, view.target, predicted, parameters.ring_radius_m)
     team = np.array(view.positions)
-    choice, distances = assign(team, points)
+    decision, distances = assign(team, points)
     best = best_step(distances, xi_grid, parameters.xi_weight) if len(xi_grid) > 1 else 0
-    point = int(choice[best, view.own])
+    point = int(decision[best, view.own])
     if parameters.switch_gain_m > 0.0 and view.previous_goal is not None:
         gain_m = parameters.switch_gain_m
-        point = kept_or_assigned(
-            team, points[best], choice[best], view.own, view.previous_goal, gain_m
+        point = assign_with_hysteresis(
+            team, points[best], decision[best], view.own, view.previous_goal, gain_m
         )
     goal_x, goal_y = points[best, point].tolist()
     own_x, own_y = view.positions[view.own]
     step = (goal_x - own_x, goal_y - own_y)
-    return Choice("encircle", step, (goal_x, goal_y), xi_grid[best], point, predictor)
+    return Decision("encircle", step, (goal_x, goal_y), xi_grid[best], point, predictor)
 
 
-def _shrink(view: View) -> Choice | None:
+def _shrink(view: View) -> Decision | None:
     """Eq. 4-7 once all are near and the ring is closed, as far as this robot can tell."""
     parameters = view.parameters
     target_x, target_y = view.target
@@ -112,7 +112,7 @@ def _shrink(view: View) -> Choice | None:
         parameters.deviation_gain,
         parameters.deviation_rad_max,
     )
-    return Choice("shrink", _close_in(view, beta), view.target)
+    return Decision("shrink", _close_in(view, beta), view.target)
 
 
 def _close_in(view: View, deviation_rad: float) -> Point:
@@ -143,7 +143,7 @@ xi_0 = partial(encircle_or_shrink, xi_grid=(0.0,))
 xi_1 = partial(encircle_or_shrink, xi_grid=(1.0,))
 xi_3 = partial(encircle_or_shrink, xi_grid=(3.0,))
 # Also declared as entry points; looking those up costs a robot's start 20 ms that it need not pay.
-BUILT_IN: dict[str, Strategy] = {
+BUILT_IN: dict[str, Policy] = {
     "xi-star": encircle_or_shrink,
     "xi-0": xi_0,
     "xi-1": xi_1,
@@ -153,16 +153,16 @@ BUILT_IN: dict[str, Strategy] = {
 
 
 @lru_cache(maxsize=64)
-def strategy_named(name: str) -> Strategy:
+def policy_named(name: str) -> Policy:
     """The strategy of that name; ``ValueError`` lists the known ones.
 
-    ``PluginBroken`` if it is installed but cannot be loaded.
+    ``PluginLoadError`` if it is installed but cannot be loaded.
     """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    found = installed(STRATEGIES)
-    if name not in found:
-        known = ", ".join(sorted({*BUILT_IN, *found}))
+    plugins = installed(STRATEGIES)
+    if name not in plugins:
+        known = ", ".join(sorted({*BUILT_IN, *plugins}))
         raise ValueError(f"strategy {name!r} is not known; known are: {known}")
-    strategy: Strategy = found[name].load()
+    strategy: Policy = plugins[name].load()
     return strategy

@@ -25,9 +25,9 @@ from encircle.protocol.lockstep import Move, Phase
 from encircle.protocol.messages import Command, Observation, Pose, Radio
 from encircle.protocol.real_time import STOPPED
 from encircle.world.arena.engine import Arena
-from encircle.world.coordinator.deadlines import STILL, Held, step_at
+from encircle.world.coordinator.deadlines import ZERO_STEP, HeldCommand, step_at
 from encircle.world.coordinator.world_core import Outgoing, Record, WorldCore, _Answer
-from encircle.world.network.message_ledger import Traffic
+from encircle.world.network.message_ledger import MessageLedger
 from encircle.world.scenario.channel_model import ChannelModel, Outage, Partition, Silence
 
 TimedRecord = Callable[[int, str, bytes, int], None]
@@ -37,7 +37,7 @@ NOTED_MAX = 65_536
 """Messages of one tick that are kept for the recording; more are left out, and counted."""
 
 
-class PacedCore(WorldCore):
+class RealTimeWorldCore(WorldCore):
     """The protocol around one arena whose ticks end by the clock.
 
     Its caller calls ``take`` for what arrives and ``end_tick`` at every deadline. ``counts``: by
@@ -56,11 +56,11 @@ class PacedCore(WorldCore):
         super().__init__(arena, run, log, record)
         scenario = arena.scenario
         self._direct = scenario.radio == "direct"
-        self.traffic = Traffic(arena.ids, scenario.tick_s, self._direct)
+        self.ledger = MessageLedger(arena.ids, scenario.tick_s, self._direct)
         self.counts: dict[str, Counter[str]] = {robot: Counter() for robot in arena.ids}
         self._perfect = has_perfect_channel(arena)
         self._hold_ticks_max = scenario.team.hold_ticks_max
-        self._held: dict[str, Held] = {}
+        self._held: dict[str, HeldCommand] = {}
         self._stopped: set[str] = set()
         self._heard_tick: dict[str, int] = {}
         self._sequences: dict[str, int] = {}
@@ -78,12 +78,12 @@ class PacedCore(WorldCore):
         """The first observations, once everyone has joined."""
         return self._messages(self.ask())
 
-    def take(self, key: str, payload: bytes, came_us: int) -> Outgoing:
+    def take(self, key: str, payload: bytes, arrival_us: int) -> Outgoing:
         """Take in a message that came at a time; there is something to send if it ends the run.
 
         Never raises for remote input.
         """
-        self._now_us = came_us
+        self._now_us = arrival_us
         return super().receive(key, payload)
 
     def end_tick(self, now_us: int) -> Outgoing:
@@ -111,28 +111,30 @@ class PacedCore(WorldCore):
         """As in ``WorldCore``, with the times noted."""
         begins = self.table.tick < 0
         observations = super().ask()
-        if self.broken is not None:
+        if self.plugin_failure is not None:
             return []
         back = {key for key, _ in self.setups}
         for robot in self.arena.ids:
             if begins or robot_key(self.run, robot, "setup") in back:
-                self.traffic.joined(robot, self.state.tick)
+                self.ledger.joined(robot, self.state.tick)
                 self._held.pop(robot, None)
                 self._sequences[robot] = self.state.tick - 1
                 self._heard_tick[robot] = self.state.tick
         for observation in observations:
-            self.traffic.asked(observation.robot, observation.tick, self._now_us)
+            self.ledger.asked(observation.robot, observation.tick, self._now_us)
         if self.fates is not None and not begins:
             due, copies = self.fates
             rows = () if copies is None else tuple(map(tuple, copies.tolist()))
-            self.traffic.radioed(Radio(self.state.tick - 1, tuple(map(tuple, due.tolist())), rows))
+            self.ledger.fates_drawn(
+                Radio(self.state.tick - 1, tuple(map(tuple, due.tolist())), rows)
+            )
         return observations
 
-    def settle(self) -> Outgoing:
+    def commit(self) -> Outgoing:
         """As in ``WorldCore``; what has come is recorded as it came, with the time."""
         keep = self.record
         if keep is None:
-            return super().settle()
+            return super().commit()
         timed = cast(TimedRecord, keep)
 
         def record(tick: int, key: str, payload: bytes) -> None:
@@ -146,7 +148,7 @@ class PacedCore(WorldCore):
 
         self.record = record
         try:
-            return super().settle()
+            return super().commit()
         finally:
             self.record = keep
 
@@ -166,9 +168,9 @@ class PacedCore(WorldCore):
         # The clock says when, not that everyone has answered.
         return []
 
-    def asked_anew(self, robot: str) -> Outgoing:
+    def restart_messages(self, robot: str) -> Outgoing:
         """As there; of a robot that begins anew nothing has come yet."""
-        setup, *asked = super().asked_anew(robot)
+        setup, *asked = super().restart_messages(robot)
         observations = [decode(Observation, payload, self.run) for _, payload in asked]
         return [
             setup,
@@ -180,8 +182,8 @@ class PacedCore(WorldCore):
             return self._end_messages()
         encoded = self._encoded if self.record is not None else []
         encoded = encoded or [self._encode(o.robot, "observation", o) for o in observations]
-        self._asked = [*self.setups, *encoded]
-        return self._asked
+        self._round_messages = [*self.setups, *encoded]
+        return self._round_messages
 
     def _to_tell(self, observations: list[Observation]) -> list[Observation]:
         if self.clock is not None:
@@ -196,9 +198,14 @@ class PacedCore(WorldCore):
         """The tick of the newest command that has come from the robot since its setup."""
         if robot_key(self.run, observation.robot, "setup") in dict(self.setups):
             return None
-        stays, held = self.traffic.stays[observation.robot], self._held.get(observation.robot)
-        begun = stays[-1].first_tick if stays else 0
-        return held.tick if held is not None and held.tick >= begun else None
+        participations, held_command = (
+            self.ledger.participations[observation.robot],
+            self._held.get(observation.robot),
+        )
+        begun = participations[-1].first_tick if participations else 0
+        return (
+            held_command.tick if held_command is not None and held_command.tick >= begun else None
+        )
 
     def _radio_part(self, observation: Observation) -> dict[str, Any]:
         if not self._direct:
@@ -218,7 +225,7 @@ class PacedCore(WorldCore):
             # Others may have heard it: what they did is to be understood from the recording.
             if self._direct and pose.robot in self.counts and pose.tick <= self.table.tick:
                 self._note(pose.tick, pose.robot, "pose", packet)
-                self.traffic.packet(pose, self._now_us)
+                self.ledger.packet(pose, self._now_us)
             raise
         known = self._sequences.get(pose.robot, -1)
         if pose.sequence <= known:
@@ -229,24 +236,24 @@ class PacedCore(WorldCore):
             self.counts[pose.robot]["superseded"] += 1
         self._packets[pose.robot] = packet, self._digested(pose, packet)
         self._note(pose.tick, pose.robot, "pose", packet)
-        self.traffic.packet(pose, self._now_us)
+        self.ledger.packet(pose, self._now_us)
 
     def _take_command(self, command: Command, payload: bytes) -> None:
         robot, tick = command.robot, command.tick
         self._check_turn(robot, tick, "command")
         known = self._held.get(robot)
         stops = command.mode == STOPPED
-        again = stops and command.step == STILL and not command.published
+        again = stops and command.step == ZERO_STEP and not command.published
         if known is not None and (tick < known.tick or (tick == known.tick and not again)):
             raise OutOfTurn(f"command of {robot} for tick {tick} after that for {known.tick}")
         if tick < self.table.tick and not stops:
             self.counts[robot]["late"] += 1
         self._heard_tick[robot] = self.table.tick
-        self._held[robot] = Held(tick, command.step)
+        self._held[robot] = HeldCommand(tick, command.step)
         if tick == self.table.tick:
             self._commands[robot] = payload, self._digested(command, payload)
         self._note(tick, robot, "command", payload)
-        self.traffic.answered(command, self._now_us)
+        self.ledger.answered(command, self._now_us)
 
     def _check_turn(self, robot: str, tick: int, what: str) -> None:
         """``OutOfTurn`` for what cannot be from this robot now."""
@@ -254,16 +261,16 @@ class PacedCore(WorldCore):
             raise OutOfTurn(f"robot {robot!r} is not in this team ({', '.join(self.arena.ids)})")
         if robot in self.table.in_phase(Phase.LEFT, Phase.ABSENT):
             raise OutOfTurn(f"{what} of {robot} at tick {self.table.tick}: it is not there")
-        stays = self.traffic.stays[robot]
-        if tick > self.table.tick or not stays or tick < stays[-1].first_tick:
+        participations = self.ledger.participations[robot]
+        if tick > self.table.tick or not participations or tick < participations[-1].first_tick:
             raise OutOfTurn(f"{what} of {robot} is for tick {tick}, this is {self.table.tick}")
 
     def _answer_of(self, robot: str, tick: int) -> _Answer:
         """What a robot does at a tick that ends, and what it sends."""
-        answer, held = _Answer(), self._held.get(robot)
-        step = step_at(held, tick, self._hold_ticks_max)
-        answer.step = STILL if step is None else step
-        if held is None or held.tick < tick:
+        answer, held_command = _Answer(), self._held.get(robot)
+        step = step_at(held_command, tick, self._hold_ticks_max)
+        answer.step = ZERO_STEP if step is None else step
+        if held_command is None or held_command.tick < tick:
             self.counts[robot]["stood_still" if step is None else "held"] += 1
         answer.command, answer.digested_command = self._commands.get(robot, (STAND_IN, b""))
         if robot in self._packets:

@@ -10,13 +10,13 @@ from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import Observation, Setup
 from encircle.protocol.real_time import STOPPED
 from encircle.world.arena.engine import build
-from encircle.world.coordinator.paced_core import PacedCore, has_perfect_channel
+from encircle.world.coordinator.real_time_core import RealTimeWorldCore, has_perfect_channel
 
 STEP = (0.125, 0.0)
 
 
-def world(*overrides: str) -> PacedCore:
-    core = PacedCore(build(by_clock(*overrides), 1), RUN)
+def world(*overrides: str) -> RealTimeWorldCore:
+    core = RealTimeWorldCore(build(by_clock(*overrides), 1), RUN)
     for robot in core.arena.ids:
         core.join(robot)
     core.at(EPOCH_US)
@@ -32,22 +32,22 @@ def observations(messages):
     }
 
 
-def ended_tick(core: PacedCore, now_us: int = EPOCH_US):
+def ended_tick(core: RealTimeWorldCore, now_us: int = EPOCH_US):
     return observations(core.end_tick(now_us))
 
 
-def commanded(core: PacedCore, robot: str, tick: int, step=STEP, **changes) -> None:
+def commanded(core: RealTimeWorldCore, robot: str, tick: int, step=STEP, **changes) -> None:
     said = command(robot, tick, step, timing=(1, 2, ()), **changes)
     core.take(robot_key(RUN, robot, "command"), encode(said, RUN), EPOCH_US)
 
 
-def sent(core: PacedCore, robot: str, tick: int, sequence: int) -> bytes:
+def sent(core: RealTimeWorldCore, robot: str, tick: int, sequence: int) -> bytes:
     packet = encode(pose(robot, tick, sequence=sequence, sent_us=5), RUN)
     core.take(robot_key(RUN, robot, "pose"), packet, EPOCH_US)
     return packet
 
 
-def moved(core: PacedCore, robot: str) -> float:
+def moved(core: RealTimeWorldCore, robot: str) -> float:
     """How far a robot goes in x in the tick that ends now."""
     place = core.arena.ids.index(robot)
     before = core.state.positions[place, 0]
@@ -216,10 +216,10 @@ def test_what_comes_is_recorded_as_it_came_with_the_time_and_stand_ins_are_not()
     core.record = lambda *message: recorded.append(message)
     core.take(robot_key(RUN, "r1", "command"), encode(command("r1", 0), RUN), EPOCH_US + 3)
     core.end_tick(EPOCH_US + 20)
-    core.settle()
+    core.commit()
     core.take(robot_key(RUN, "r2", "command"), encode(command("r2", 0), RUN), EPOCH_US + 23)
     core.end_tick(EPOCH_US + 40)
-    core.settle()
+    core.commit()
     commands = [(tick, key, at) for tick, key, _, at in recorded if key.endswith("/command")]
     assert commands == [
         (0, robot_key(RUN, "r1", "command"), EPOCH_US + 3),
@@ -257,7 +257,7 @@ def test_what_a_robot_is_asked_anew_a_robot_takes_that_has_just_begun():
             commanded(core, robot, tick)
         told = ended_tick(core)
     assert told["r2"].answered == 2
-    (setup_key, setup), (key, asked) = core.asked_anew("r2")
+    (setup_key, setup), (key, asked) = core.restart_messages("r2")
     assert decode(Setup, setup, RUN).first_tick == decode(Observation, asked, RUN).tick == 3
     robot = RobotCore("r2", RUN)
     robot.receive(setup_key, setup)

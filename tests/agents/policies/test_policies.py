@@ -15,12 +15,12 @@ from helpers_paths import ROOT
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from encircle.agents.policies.strategies import (
+from encircle.agents.policies.policies import (
     BUILT_IN,
     View,
     encircle_or_shrink,
+    policy_named,
     pursue,
-    strategy_named,
     xi_0,
     xi_1,
     xi_3,
@@ -299,7 +299,7 @@ def test_names_stand_for_the_same_strategies_here_and_as_entry_points():
     names = {strategy: name for name, strategy in declared.items()}
     assert set(declared) == set(BUILT_IN)
     for name, strategy in BUILT_IN.items():
-        assert strategy_named(name) is strategy
+        assert policy_named(name) is strategy
         module, attribute = declared[name].split(":")
         assert getattr(__import__(module, fromlist=[attribute]), attribute) is strategy
     assert len(names) == len(declared)
@@ -307,7 +307,7 @@ def test_names_stand_for_the_same_strategies_here_and_as_entry_points():
 
 def test_an_unknown_strategy_is_refused_and_each_known_one_listed_once():
     with pytest.raises(ValueError, match="'dance' is not known") as caught:
-        strategy_named("dance")
+        policy_named("dance")
     listed = str(caught.value).split("known are: ")[1].split(", ")
     assert sorted(listed) == sorted(BUILT_IN)
 
