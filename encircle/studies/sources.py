@@ -33,7 +33,7 @@ OURS: Mapping[str, tuple[str, ...]] = {
     "encircle.protocol": ("",),
     "encircle.runlog": ("",),
     "encircle.runner": ("__init__", "memory"),
-    "encircle.studies": ("one_run",),
+    "encircle.studies": ("tasks",),
     "encircle.world": ("",),
 }
 """Packages, and the beginnings of their files' names, on which numbers depend."""
