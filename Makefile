@@ -36,7 +36,7 @@ test: setup
 	$(VENV)/bin/python -m pytest -n 0 -m 'realtime and not nightly and not hosts'
 
 test-loaded: setup
-	PYTEST_TIMEOUT=$(HANG_S) $(VENV)/bin/python tests/helpers/under_load.py $(MAKE) test
+	PYTEST_TIMEOUT=$(HANG_S) $(VENV)/bin/python tests/helpers/processes/under_load.py $(MAKE) test
 
 nightly: setup
 	PYTEST_TIMEOUT=$(HANG_S) $(VENV)/bin/python -m pytest -m 'nightly or hosts'

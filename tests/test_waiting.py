@@ -97,7 +97,7 @@ def test_busy_loops_are_there_as_long_as_they_are_to():
 
 def test_busy_loops_do_not_outlive_who_started_them():
     script = "import os, under_load as u\nwith u.load(1) as p: print(*p, flush=True); os._exit(0)"
-    environment = os.environ | {"PYTHONPATH": str(TESTS)}
+    environment = os.environ | {"PYTHONPATH": str(TESTS / "helpers" / "processes")}
     done = completed([sys.executable, "-c", script], env=environment, stderr=subprocess.DEVNULL)
     pid = int(done.stdout)
     until(lambda: not Path(f"/proc/{pid}").exists(), "the busy loop's end")

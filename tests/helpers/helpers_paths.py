@@ -5,4 +5,4 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 TESTS = ROOT / "tests"
 DOCS = ROOT / "docs"
-STRANGER = TESTS / "system" / "stranger"
+STRANGER = TESTS / "system" / "hunts" / "stranger"

@@ -1,4 +1,4 @@
-"""``python tests/helpers/under_load.py COMMAND...``: run a command while every core is busy.
+"""``python .../under_load.py COMMAND...``: run a command while every core is busy.
 
 Two busy loops for each core compete with it at the same priority, for as long as it lasts; they end
 by themselves if this program is killed. Its exit status is the command's.

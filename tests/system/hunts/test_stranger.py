@@ -1,7 +1,7 @@
 """A robot written from docs/protocol.md alone takes part like any other.
 
-``tests/system/stranger/robot.py`` imports zenoh, msgpack and the standard library, and is run where
-nothing else can be imported. The hunts over Zenoh take some seconds, the rest less than one.
+``stranger/robot.py`` imports zenoh, msgpack and the standard library, and is run where nothing else
+can be imported. The hunts over Zenoh take some seconds, the rest less than one.
 """
 
 import ast
