@@ -10,7 +10,6 @@ if __name__ == "__main__":
 
     exit_on_signal("world")
 
-import argparse
 import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +17,15 @@ from pathlib import Path
 
 from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say_error
-from encircle.protocol.programs.options import Options, endpoints_of, name_of, seconds, whole_number
+from encircle.protocol.programs.options import (
+    InvalidOption,
+    Options,
+    Settings,
+    endpoints_of,
+    name_of,
+    seconds,
+    whole_number,
+)
 from encircle.protocol.zenoh.access_control import WORLD
 from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, ConfigurationError
 
@@ -93,7 +100,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
         return 2
 
 
-def _check(options: Options, settings: argparse.Namespace) -> None:
+def _check(options: Options, settings: Settings) -> None:
     """See to it that one run is asked for."""
     if settings.resume is not None:
         return
@@ -109,7 +116,7 @@ def _when_lost(value: str) -> str:
     from encircle.world.coordinator.result import WHEN_LOST
 
     if value not in WHEN_LOST:
-        raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join(WHEN_LOST)}")
+        raise InvalidOption(f"{value!r} is not one of {', '.join(WHEN_LOST)}")
     return value
 
 

@@ -4,7 +4,6 @@ What a command was asked for goes to standard output, everything else to standar
 status: 0 done, captured or not; 1 the run failed; 2 bad usage or configuration.
 """
 
-import argparse
 import json
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from encircle.protocol.process.log import say, say_error
-from encircle.protocol.programs.options import seconds, variable_of
+from encircle.protocol.programs.options import InvalidOption, seconds, variable_of
 
 
 class _Stopped(Exception):
@@ -52,7 +51,7 @@ SetOption = Annotated[
 def _as_seconds(value: str) -> float:
     try:
         return seconds(value)
-    except argparse.ArgumentTypeError as error:
+    except InvalidOption as error:
         raise typer.BadParameter(str(error)) from None
 
 

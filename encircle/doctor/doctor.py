@@ -10,7 +10,6 @@ import json
 import os
 import sys
 import threading
-from argparse import Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -21,7 +20,14 @@ from encircle.doctor.machine import CheckResult, machine
 from encircle.doctor.network import connecting_to, exposure, listening_on
 from encircle.doctor.run import nodes
 from encircle.protocol.process.log import say
-from encircle.protocol.programs.options import Options, endpoints_of, identity, name_of, seconds
+from encircle.protocol.programs.options import (
+    Options,
+    Settings,
+    endpoints_of,
+    identity,
+    name_of,
+    seconds,
+)
 from encircle.protocol.zenoh.configuration import configured_endpoints
 from encircle.protocol.zenoh.endpoints import (
     ConfigurationError,
@@ -48,7 +54,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "encircle doctor
     examination = _Examination(found.check_timeout)
     try:
         # Without certificates at first: those that will not do are a finding, not a wrong usage.
-        plain = Namespace(**(vars(found) | {"certificates": None}))
+        plain = Settings(**(vars(found) | {"certificates": None}))
         where = endpoints_of(plain, found.check_timeout) if networked else None
         examination.findings += machine(found.runs or RUNS, found.runs is not None)
         if where is not None:
@@ -113,7 +119,7 @@ class _Examination:
         return found
 
 
-def _network(examination: _Examination, where: Endpoints, found: Namespace) -> None:
+def _network(examination: _Examination, where: Endpoints, found: Settings) -> None:
     """Everything about endpoints, and about those who are behind them."""
     s_max = examination.s_max
     try:
@@ -144,7 +150,7 @@ def _network(examination: _Examination, where: Endpoints, found: Namespace) -> N
         examination.add("run", endpoint, nodes, *asking, more_s=ASKING_S_MAX)
 
 
-def _identity(found: Namespace) -> Identity | None:
+def _identity(found: Settings) -> Identity | None:
     """On a robot's host its own certificate is there, elsewhere that of an onlooker."""
     directory, robot = found.certificates, found.robot
     own = directory is not None and robot is not None and (directory / f"{robot}.key").exists()

@@ -12,13 +12,19 @@ if __name__ == "__main__":
 
     exit_on_signal("alive")
 
-import argparse
 from collections.abc import Sequence
 
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say
-from encircle.protocol.programs.options import Options, identity, name_of, seconds
+from encircle.protocol.programs.options import (
+    InvalidOption,
+    Options,
+    Settings,
+    identity,
+    name_of,
+    seconds,
+)
 from encircle.protocol.zenoh.connection import closing, has_neighbours, is_alive, open_session
 from encircle.protocol.zenoh.endpoints import (
     ConfigurationError,
@@ -81,7 +87,7 @@ def main(
     return 0 if there else 1
 
 
-def is_visible(endpoints: Endpoints, settings: argparse.Namespace) -> bool:
+def is_visible(endpoints: Endpoints, settings: Settings) -> bool:
     """Whether the party that is asked for can be seen from a session there."""
     with closing(open_session(endpoints)) as session:
         if settings.what == "router":
@@ -95,7 +101,7 @@ def is_visible(endpoints: Endpoints, settings: argparse.Namespace) -> bool:
         return is_alive(session, key, settings.check_timeout)
 
 
-def _identity(settings: argparse.Namespace) -> Identity | None:
+def _identity(settings: Settings) -> Identity | None:
     """Inside a party's container it is the party itself that asks, elsewhere an onlooker."""
     node = settings.robot if settings.what == "robot" else settings.what
     own = settings.certificates is not None and (settings.certificates / f"{node}.key").exists()
@@ -104,7 +110,7 @@ def _identity(settings: argparse.Namespace) -> Identity | None:
 
 def _node_kind(value: str) -> str:
     if value not in NODE_KINDS:
-        raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join(NODE_KINDS)}")
+        raise InvalidOption(f"{value!r} is not one of {', '.join(NODE_KINDS)}")
     return value
 
 

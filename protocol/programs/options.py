@@ -1,20 +1,24 @@
-"""Options of the commands that run one party, each also as an environment variable.
+"""Options of the commands that run one node, each also as an environment variable.
 
 A container or a service manager passes settings by environment, a person by command line; the
 command line wins. The variable of ``--join-timeout`` is ``ENCIRCLE_JOIN_TIMEOUT``, and so on. An
 empty variable counts as absent, since that is how compose files leave things out.
+
+Typer reads the command line and writes the help. The environment is read here, because Typer splits
+a list at spaces alone, takes a blank variable for a value, and cannot add one source to the other.
 """
 
-import argparse
+import inspect
 import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from types import SimpleNamespace
+from typing import Annotated, Any, NamedTuple, NoReturn
 
 from encircle.protocol.keys import check_name
-from encircle.protocol.process.log import printable
+from encircle.protocol.process.log import say_error
 from encircle.protocol.zenoh.endpoints import ConfigurationError, Endpoints, Identity, Mode
 
 PREFIX = "ENCIRCLE_"
@@ -23,32 +27,36 @@ YES, NO = ("1", "yes", "true", "on"), ("0", "no", "false", "off")
 S_MAX = 86_400.0
 
 
+Settings = SimpleNamespace
+"""The values of all options of a command, each under its name with underscores."""
+
+
+class InvalidOption(ValueError):
+    """A value that an option does not take; the text says what is wrong with it."""
+
+
 class _Setting(NamedTuple):
     name: str
+    text: str
     variable: str
+    metavar: str
     read: Callable[[str], Any]
-    default: Any
-    required: bool
-    joins: bool
-
-
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line; ``--help`` has the rest."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: error: {printable(message)}\n")
+    default: Any = None
+    required: bool = False
+    separators: str = ""
+    joins: bool = False
+    flag: bool = False
 
 
 class Options:
-    """The options of one command."""
+    """The options of one command.
+
+    ``program``: its name in help and errors; ``description``: the first sentence of its help.
+    """
 
     def __init__(self, program: str, description: str) -> None:
-        self._parser = _Parser(
-            prog=program,
-            description=description,
-            epilog="An environment variable in brackets stands in for an option that is left out.",
-            allow_abbrev=False,
-        )
+        self._program = program
+        self._description = description
         self._settings: list[_Setting] = []
 
     def add(
@@ -62,17 +70,21 @@ class Options:
         variable: str = "",
         metavar: str | None = None,
     ) -> None:
-        """An option ``--name``, or a positional argument if ``name`` has no dashes."""
-        variable = variable or variable_of(name)
-        self._parser.add_argument(
-            name,
-            help=f"{text} [{variable}]",
-            metavar=metavar,
-            type=read,
-            # Whether it is missing is known only when the environment has been looked at.
-            nargs=None if name.startswith("--") else "?",
+        """An option ``--name``, or a positional argument if ``name`` has no dashes.
+
+        ``read`` makes the value of its text, and raises ``InvalidOption`` if it cannot.
+        """
+        self._settings.append(
+            _Setting(
+                name,
+                text,
+                variable or variable_of(name),
+                metavar or _key(name).upper(),
+                read,
+                default,
+                required,
+            )
         )
-        self._keep(_Setting(name, variable, read, default, required, joins=False))
 
     def add_list(
         self,
@@ -87,24 +99,26 @@ class Options:
 
         ``joins``: the command line adds to what the environment says instead of replacing it.
         """
-        self._parser.add_argument(
-            name, help=f"{text} [{variable_of(name)}]", metavar=metavar, action="append"
+        self._settings.append(
+            _Setting(
+                name,
+                text,
+                variable_of(name),
+                metavar,
+                str,
+                separators=separators,
+                joins=joins,
+            )
         )
-
-        def read(value: str) -> list[str]:
-            parts = (part.strip() for part in re.split(f"[{separators}]", value))
-            return [part for part in parts if part]
-
-        self._keep(_Setting(name, variable_of(name), read, [], False, joins))
 
     def add_flag(self, name: str, text: str) -> None:
         """An option without a value; in its variable, yes or no."""
-        help_text = f"{text} [{variable_of(name)}=yes]"
-        self._parser.add_argument(name, help=help_text, action="store_const", const=True)
-        self._keep(_Setting(name, variable_of(name), _yes_or_no, False, False, joins=False))
+        self._settings.append(
+            _Setting(name, text, variable_of(name), "", _yes_or_no, default=False, flag=True)
+        )
 
     def add_endpoints(self) -> None:
-        """The options of ``access``."""
+        """The options that ``endpoints_of`` reads."""
         self.add_list(
             "--connect",
             "connect to this endpoint, as tcp/127.0.0.1:7447; may be repeated",
@@ -119,7 +133,7 @@ class Options:
         )
         self.add(
             "--certificates",
-            "directory with this party's certificate and key, as encircle certificates makes them",
+            "directory with this node's certificate and key, as encircle certificates makes them",
             read=Path,
             metavar="DIR",
         )
@@ -136,53 +150,117 @@ class Options:
 
     def parse(
         self, arguments: Sequence[str] | None, environment: Mapping[str, str] | None = None
-    ) -> argparse.Namespace:
-        """All settings; ends the process with status 2 and one clear line if one is wrong."""
+    ) -> Settings:
+        """All settings; ends the process with status 2 and one clear line if one is wrong.
+
+        ``arguments``: by default those of this process, as is ``environment``. Ends it with status
+        0 after ``--help``.
+        """
         environment = os.environ if environment is None else environment
-        found = self._parser.parse_args(arguments)
-        for setting in self._settings:
-            key = _key(setting.name)
-            given, value = getattr(found, key), self._from(environment, setting)
-            if given is None:
-                given = setting.default if value is None else value
-            elif setting.joins:
-                given = [*(value or []), *given]
-            if given is None and setting.required:
-                self.error(f"{setting.name} is missing: give it, or set {setting.variable}")
-            setattr(found, key, given)
-        return found
+        given = self._command_line(arguments)
+        return Settings(
+            **{
+                _key(setting.name): self._value(setting, given[_key(setting.name)], environment)
+                for setting in self._settings
+            }
+        )
 
     def error(self, message: str) -> NoReturn:
         """End the process with status 2 and this message."""
-        self._parser.error(message)
+        say_error(f"{self._program}: error: {message}")
+        raise SystemExit(2)
 
-    def _keep(self, setting: _Setting) -> None:
-        self._settings.append(setting)
+    def _command_line(self, arguments: Sequence[str] | None) -> dict[str, Any]:
+        """The texts that are given on the command line; None for what is left out."""
+        # Imported late: who only starts nodes uses this module too, and reads no command line.
+        import typer
 
-    def _from(self, environment: Mapping[str, str], setting: _Setting) -> Any:
-        value = environment.get(setting.variable, "").strip()
-        if not value:
-            return None
+        app = typer.Typer(add_completion=False, rich_markup_mode=None)
+        given: dict[str, Any] = {}
+
+        def command(**values: Any) -> None:
+            given.update(values)
+
+        parameters = [_parameter(setting) for setting in self._settings]
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {p.name: p.annotation for p in parameters}
+        app.command(
+            help=self._description,
+            epilog="An environment variable in brackets stands in for an option that is left out.",
+            context_settings={"help_option_names": ["-h", "--help"]},
+        )(command)
         try:
-            return setting.read(value)
-        except argparse.ArgumentTypeError as error:
-            self.error(f"{setting.variable}: {error}")
+            typer.main.get_command(app).main(
+                None if arguments is None else list(arguments),
+                prog_name=self._program,
+                standalone_mode=False,
+            )
+        except typer.TyperException as error:
+            self.error(error.format_message())
+        if not given:
+            raise SystemExit(0)
+        return given
+
+    def _value(self, setting: _Setting, given: Any, environment: Mapping[str, str]) -> Any:
+        """The value of one setting; the command line wins, or is added to the environment."""
+        text = environment.get(setting.variable, "").strip()
+        if setting.separators:
+            inherited = re.split(f"[{setting.separators}]", text)
+            values = [] if given and not setting.joins else [v.strip() for v in inherited]
+            return [*filter(None, values), *(given or [])]
+        if setting.flag and given:
+            return True
+        source = f"argument {setting.name}" if given is not None else setting.variable
+        try:
+            if given is not None:
+                return setting.read(given)
+            if text:
+                return setting.read(text)
+        except InvalidOption as error:
+            self.error(f"{source}: {error}")
+        if setting.required:
+            self.error(f"{setting.name} is missing: give it, or set {setting.variable}")
+        return setting.default
+
+
+def _parameter(setting: _Setting) -> inspect.Parameter:
+    """A parameter of a function, from which Typer makes an option or an argument."""
+    import typer
+
+    value = "=yes" if setting.flag else ""
+    text = f"{setting.text} [{setting.variable}{value}]"
+    positional = not setting.name.startswith("--")
+    kind: Any = bool if setting.flag else list[str] if setting.separators else str
+    # Whether it is missing is known only when the environment has been looked at.
+    declared = (
+        typer.Argument(help=text, metavar=setting.metavar or None, show_default=False)
+        if positional
+        else typer.Option(
+            setting.name, help=text, metavar=setting.metavar or None, show_default=False
+        )
+    )
+    return inspect.Parameter(
+        _key(setting.name),
+        inspect.Parameter.KEYWORD_ONLY,
+        default=None,
+        annotation=Annotated[kind | None, declared],
+    )
 
 
 def without_settings(environment: Mapping[str, str]) -> dict[str, str]:
-    """An environment for processes that are told everything by their command line."""
+    """An environment for processes that get everything by their command line."""
     return {name: value for name, value in environment.items() if not name.startswith(PREFIX)}
 
 
 def endpoints_of(
-    options: argparse.Namespace,
+    options: Settings,
     connect_s_max: float,
     mode: Mode | None = None,
     name: str | None = None,
 ) -> Endpoints:
-    """What the options of ``add_endpoints`` say; raises ``ConfigurationError``.
+    """What the options of ``add_endpoints`` ask for; raises ``ConfigurationError``.
 
-    ``name``: whose certificate to show; without one, that of an onlooker.
+    ``name``: whose certificate to show; without one, that of a viewer.
     """
     if options.certificates and options.listen and name not in (None, *GATES):
         raise ConfigurationError(
@@ -201,10 +279,10 @@ def endpoints_of(
 
 
 def identity(directory: Path | None, name: str | None) -> Identity | None:
-    """The identity of a party, or of an onlooker without a name; raises ``ConfigurationError``."""
+    """The identity of a node, or of a viewer without a name; raises ``ConfigurationError``."""
     if directory is None:
         return None
-    # A party without certificates need not load a library for them.
+    # A node without certificates need not load a library for them.
     from encircle.protocol.zenoh.identities import identity_of, viewer_identity
 
     return identity_of(directory, name) if name else viewer_identity(directory)
@@ -213,12 +291,12 @@ def identity(directory: Path | None, name: str | None) -> Identity | None:
 def seconds(value: str) -> float:
     """A length of time of an option, in s."""
     try:
-        found = float(value)
+        length_s = float(value)
     except ValueError:
-        found = math.nan
-    if not 0.0 < found <= S_MAX:
-        raise argparse.ArgumentTypeError(f"{value!r} is not a number of seconds up to {S_MAX:g}")
-    return found
+        length_s = math.nan
+    if not 0.0 < length_s <= S_MAX:
+        raise InvalidOption(f"{value!r} is not a number of seconds up to {S_MAX:g}")
+    return length_s
 
 
 def whole_number(value: str) -> int:
@@ -226,7 +304,7 @@ def whole_number(value: str) -> int:
     try:
         return int(value)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{value!r} is not a whole number") from None
+        raise InvalidOption(f"{value!r} is not a whole number") from None
 
 
 def name_of(kind: str) -> Callable[[str], str]:
@@ -236,14 +314,14 @@ def name_of(kind: str) -> Callable[[str], str]:
         try:
             return check_name(kind, value)
         except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
+            raise InvalidOption(str(error)) from None
 
     return read
 
 
 def _yes_or_no(value: str) -> bool:
     if value.lower() not in (*YES, *NO):
-        raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join((*YES, *NO))}")
+        raise InvalidOption(f"{value!r} is not one of {', '.join((*YES, *NO))}")
     return value.lower() in YES
 
 

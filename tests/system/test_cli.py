@@ -132,7 +132,7 @@ def test_bad_usage_is_status_2_and_names_the_thing(tmp_path, arguments, said):
 def test_commands_that_are_programs_of_their_own_explain_themselves(tmp_path, name):
     done = command(tmp_path, name, "--help")
     assert done.returncode == 0
-    assert done.stdout.startswith(f"usage: encircle {name} ")
+    assert done.stdout.startswith(f"Usage: encircle {name} [OPTIONS]")
     assert "[ENCIRCLE_CONNECT]" in done.stdout
 
 
