@@ -150,7 +150,7 @@ def resume(
     """Go on with a run that broke off, where its recording in ``directory`` ends, to its end.
 
     The recording becomes whole; what it was is kept beside it. ``link``, ``progress``,
-    ``when_lost`` and ``patience``: as for ``run``, and the link may be another. Raises
+    ``when_lost`` and ``timeouts``: as for ``run``, and the link may be another. Raises
     ``RunDirectoryError`` if
     there is nothing to go on with, or if what is recorded is not what this program comes to;
     then nothing has been changed. ``RunFailed`` as for ``run``.
