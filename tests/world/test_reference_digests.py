@@ -42,5 +42,6 @@ DIGESTS = {
 
 @pytest.mark.parametrize(("name", "radio", "seed"), DIGESTS)
 def test_the_digest_is_the_reference(name, radio, seed):
+    """A change here changes published numbers: say so in the changelog."""
     hunt = encircle.run(name, link="memory", overrides=[*RADIOS[radio], f"seed={seed}"])
     assert hunt.digest == DIGESTS[name, radio, seed]

@@ -1,7 +1,8 @@
 """Recordings that version 0.1.0 made are replayed, taken up again and measured as it did.
 
 ``tests/data/recorded_by_0_1_0`` has two hunts over Zenoh, 12 ticks long: one in lock-step with a
-lossy, slow and noisy radio, one by the clock with direct radio. Digests and measures are that version's.
+lossy, slow and noisy radio, one by the clock with direct radio. Digests and measures are those of
+that version.
 """
 
 import gzip

@@ -220,18 +220,3 @@ def test_in_simulation_5_all_four_policies_fulfil_the_task(strategy, x):
         overrides=[f"team.positions.2.0={x}", f"team.strategy={strategy}"],
     )
     assert hunt.captured
-
-
-GOLDEN = {
-    "sim1": "12791190669dacb76be1e647f126424f",
-    "sim2": "3ad105125dd598b009a25ed35e57e206",
-    "sim3": "e61b107618db35405f3564830d3b2661",
-    "sim4": "baac072ae5442e8d743105b30eaa6a72",
-    "sim5": "13544f21ac58e6dbcf3e5de72ae72abf",
-}
-
-
-@pytest.mark.parametrize("name", STORIES)
-def test_reference_runs_have_their_golden_digests(name):
-    """A change here changes published numbers: say so in the changelog."""
-    assert encircle.run(name, link="memory").digest == GOLDEN[name]
