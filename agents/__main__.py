@@ -13,7 +13,8 @@ from pathlib import Path
 from encircle.agents.process.deferred_imports import deferred
 from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say_error
-from encircle.protocol.programs.options import Options, endpoints_of, name_of, seconds
+from encircle.protocol.programs.option_values import name_of, seconds
+from encircle.protocol.programs.options import Options, endpoints_of
 from encircle.protocol.zenoh.endpoints import ConfigurationError
 
 

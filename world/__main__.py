@@ -10,6 +10,7 @@ if __name__ == "__main__":
 
     exit_on_signal("world")
 
+import argparse
 import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,15 +18,8 @@ from pathlib import Path
 
 from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say_error
-from encircle.protocol.programs.options import (
-    InvalidOption,
-    Options,
-    Settings,
-    endpoints_of,
-    name_of,
-    seconds,
-    whole_number,
-)
+from encircle.protocol.programs.option_values import name_of, one_of, seconds, whole_number
+from encircle.protocol.programs.options import Options, endpoints_of
 from encircle.protocol.zenoh.access_control import WORLD
 from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, ConfigurationError
 
@@ -100,7 +94,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
         return 2
 
 
-def _check(options: Options, settings: Settings) -> None:
+def _check(options: Options, settings: argparse.Namespace) -> None:
     """See to it that one run is asked for."""
     if settings.resume is not None:
         return
@@ -113,11 +107,10 @@ def _check(options: Options, settings: Settings) -> None:
 
 
 def _when_lost(value: str) -> str:
+    # Imported late: who does not give the option need not wait for it.
     from encircle.world.coordinator.result import WHEN_LOST
 
-    if value not in WHEN_LOST:
-        raise InvalidOption(f"{value!r} is not one of {', '.join(WHEN_LOST)}")
-    return value
+    return one_of(WHEN_LOST)(value)
 
 
 def _options(program: str) -> Options:

@@ -10,6 +10,7 @@ import json
 import os
 import sys
 import threading
+from argparse import Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,14 +21,8 @@ from encircle.doctor.machine import CheckResult, machine
 from encircle.doctor.network import connecting_to, exposure, listening_on
 from encircle.doctor.run import nodes
 from encircle.protocol.process.log import say
-from encircle.protocol.programs.options import (
-    Options,
-    Settings,
-    endpoints_of,
-    identity,
-    name_of,
-    seconds,
-)
+from encircle.protocol.programs.option_values import name_of, seconds
+from encircle.protocol.programs.options import Options, endpoints_of, identity
 from encircle.protocol.zenoh.configuration import configured_endpoints
 from encircle.protocol.zenoh.endpoints import (
     ConfigurationError,
@@ -54,7 +49,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "encircle doctor
     examination = _Examination(found.check_timeout)
     try:
         # Without certificates at first: those that will not do are a finding, not a wrong usage.
-        plain = Settings(**(vars(found) | {"certificates": None}))
+        plain = Namespace(**(vars(found) | {"certificates": None}))
         where = endpoints_of(plain, found.check_timeout) if networked else None
         examination.findings += machine(found.runs or RUNS, found.runs is not None)
         if where is not None:
@@ -119,7 +114,7 @@ class _Examination:
         return found
 
 
-def _network(examination: _Examination, where: Endpoints, found: Settings) -> None:
+def _network(examination: _Examination, where: Endpoints, found: Namespace) -> None:
     """Everything about endpoints, and about those who are behind them."""
     s_max = examination.s_max
     try:
@@ -150,7 +145,7 @@ def _network(examination: _Examination, where: Endpoints, found: Settings) -> No
         examination.add("run", endpoint, nodes, *asking, more_s=ASKING_S_MAX)
 
 
-def _identity(found: Settings) -> Identity | None:
+def _identity(found: Namespace) -> Identity | None:
     """On a robot's host its own certificate is there, elsewhere that of an onlooker."""
     directory, robot = found.certificates, found.robot
     own = directory is not None and robot is not None and (directory / f"{robot}.key").exists()

@@ -12,19 +12,14 @@ if __name__ == "__main__":
 
     exit_on_signal("alive")
 
+import argparse
 from collections.abc import Sequence
 
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say
-from encircle.protocol.programs.options import (
-    InvalidOption,
-    Options,
-    Settings,
-    identity,
-    name_of,
-    seconds,
-)
+from encircle.protocol.programs.option_values import name_of, one_of, seconds
+from encircle.protocol.programs.options import Options, identity
 from encircle.protocol.zenoh.connection import closing, has_neighbours, is_alive, open_session
 from encircle.protocol.zenoh.endpoints import (
     ConfigurationError,
@@ -45,7 +40,11 @@ def main(
     """Look once; returns 0 if it is there, 1 if not, with a line that says so."""
     options = Options(program, "Say whether a router, the world or a robot of a run is there.")
     options.add(
-        "what", f"one of {', '.join(NODE_KINDS)}", read=_node_kind, metavar="WHAT", required=True
+        "what",
+        f"one of {', '.join(NODE_KINDS)}",
+        read=one_of(NODE_KINDS),
+        metavar="WHAT",
+        required=True,
     )
     options.add_endpoints()
     options.add("--run", "name of the run", read=name_of("run"))
@@ -87,7 +86,7 @@ def main(
     return 0 if there else 1
 
 
-def is_visible(endpoints: Endpoints, settings: Settings) -> bool:
+def is_visible(endpoints: Endpoints, settings: argparse.Namespace) -> bool:
     """Whether the party that is asked for can be seen from a session there."""
     with closing(open_session(endpoints)) as session:
         if settings.what == "router":
@@ -101,17 +100,11 @@ def is_visible(endpoints: Endpoints, settings: Settings) -> bool:
         return is_alive(session, key, settings.check_timeout)
 
 
-def _identity(settings: Settings) -> Identity | None:
+def _identity(settings: argparse.Namespace) -> Identity | None:
     """Inside a party's container it is the party itself that asks, elsewhere an onlooker."""
     node = settings.robot if settings.what == "robot" else settings.what
     own = settings.certificates is not None and (settings.certificates / f"{node}.key").exists()
     return identity(settings.certificates, node if own else None)
-
-
-def _node_kind(value: str) -> str:
-    if value not in NODE_KINDS:
-        raise InvalidOption(f"{value!r} is not one of {', '.join(NODE_KINDS)}")
-    return value
 
 
 if __name__ == "__main__":

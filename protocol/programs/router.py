@@ -22,7 +22,8 @@ from encircle.protocol.keys import parse_key, robot_key, world_key
 from encircle.protocol.mailbox import now_us
 from encircle.protocol.process.interrupts import exit_process, signals_to
 from encircle.protocol.process.log import say_error
-from encircle.protocol.programs.options import Options, endpoints_of, name_of
+from encircle.protocol.programs.option_values import name_of
+from encircle.protocol.programs.options import Options, endpoints_of
 from encircle.protocol.zenoh.access_control import ROUTER
 from encircle.protocol.zenoh.configuration import warning
 from encircle.protocol.zenoh.connection import closing, open_session, serve_queries, subscribe_alive

@@ -9,6 +9,7 @@ import pytest
 from helpers_waiting import completed
 
 import encircle
+from encircle.cli.main import COMMANDS, main
 
 REQUIRED = {
     "scenario",
@@ -112,7 +113,20 @@ def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options
         (["robot", "--run", "a", "--connect", "tcp/127.0.0.1:1"], "set ENCIRCLE_ROBOT"),
         (["router"], "neither an endpoint to listen on"),
         (["alive", "weather"], "'weather' is not one of router, world, robot"),
-        (["fly"], "fly"),
+        (["fly"], "no such command: fly"),
+        (["stdy"], "no such command: stdy (did you mean 'study'?)"),
+        (["--version"], "no such option: --version"),
+        ([], "usage: encircle"),
+        (["run", "sim1", "--sed", "3"], "--sed 3 (did you mean '--seed'?)"),
+        (["run", "sim1", "sim2"], "unrecognized arguments: sim2"),
+        (["run", "sim1", "--seed", "x"], "argument --seed: 'x' is not a whole number"),
+        (["replay"], "run is missing: give it"),
+        (["trace", "absent"], "--out is missing: give it"),
+        (["certificates", "new"], "--robots is missing: give it"),
+        (["study", "loss", "--seeds", "0"], "'0' is not a whole number of at least 1"),
+        (["study", "loss", "--workers", "1025"], "'1025' is not a whole number from 1 to 1024"),
+        (["study", "loss", "--cluster", "tcp://h:1", "--workers", "2"], "goes neither with"),
+        (["reproduce", "--seeds", "1"], "'1' is not a whole number of at least 2"),
     ],
 )
 def test_bad_usage_is_status_2_and_names_the_thing(tmp_path, arguments, said):
@@ -132,8 +146,17 @@ def test_bad_usage_is_status_2_and_names_the_thing(tmp_path, arguments, said):
 def test_commands_that_are_programs_of_their_own_explain_themselves(tmp_path, name):
     done = command(tmp_path, name, "--help")
     assert done.returncode == 0
-    assert done.stdout.startswith(f"Usage: encircle {name} [OPTIONS]")
+    assert done.stdout.startswith(f"usage: encircle {name} ")
     assert "[ENCIRCLE_CONNECT]" in done.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself_and_is_listed(capsys, name):
+    assert main([name, "--help"]) == 0
+    own = capsys.readouterr().out
+    assert own.startswith(f"usage: encircle {name} ")
+    assert main(["--help"]) == 0
+    assert f"  {name} " in capsys.readouterr().out
 
 
 def test_settings_for_single_parties_do_not_reach_a_run_of_all(tmp_path, monkeypatch):
@@ -172,7 +195,7 @@ def test_a_robot_imports_only_what_a_robot_uses():
     done = completed([sys.executable, "-c", code])
     loaded = set(done.stdout.split())
     assert "filterpy.kalman.kalman_filter" in loaded
-    unwanted = {"encircle.world", "encircle.cli", "matplotlib", "pydantic", "mcap", "typer", "rich"}
+    unwanted = {"encircle.world", "encircle.cli", "matplotlib", "pydantic", "mcap", "rich"}
     assert not (unwanted | {"scipy.stats", "scipy.ndimage"}) & loaded
 
 

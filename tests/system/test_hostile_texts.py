@@ -91,7 +91,7 @@ def test_lines_are_those_that_were_meant(capsys):
 
 def test_no_shell_prints_but_by_these():
     """``encircle.world.process.reports`` prints JSON, which escapes by itself."""
-    writing = ("print", "sys.stdout.write", "sys.stderr.write", "typer.echo", "echo")
+    writing = ("print", "sys.stdout.write", "sys.stderr.write")
     found = {
         (str(path.relative_to(ROOT)), ast.unparse(node.func))
         for package in PACKAGES
@@ -331,7 +331,7 @@ def test_a_page_has_no_tags_and_no_control_characters_of_others():
 
 def test_a_plug_in_that_fails_says_so_in_what_can_be_seen(monkeypatch, capsys):
     failed = PluginFailed(TARGETS, f"x{EVIL}", TARGET, 3, ValueError(EVIL))
-    monkeypatch.setattr(cli, "app", lambda: (_ for _ in ()).throw(failed))
+    monkeypatch.setattr("encircle.cli.run.main", lambda *_: (_ for _ in ()).throw(failed))
     command("run")
     said = capsys.readouterr().err
     assert_clean(said)

@@ -8,16 +8,15 @@ import pytest
 from helpers_networks import DRIFTS, OFFSETS_US, delays_us, lossier, lossy
 from helpers_real_time import Simulated, by_clock
 from rich.console import Console
-from typer.testing import CliRunner
 
-from encircle.cli.main import app
-from encircle.network.tracing import NetworkTrace, Row, TraceFileError, trace_of, write_trace
+from encircle.cli.main import main
+from encircle.network.tracing import NetworkTrace, Row, trace_of, write_trace
 from encircle.network.transport import ledger_of, show
 from encircle.runlog.recorded_log import log_of_recording
 from encircle.runner.hunts import run
 from encircle.world.loading.trace_files import read_trace, rows_of
 from encircle.world.network.transport import links_of
-from encircle.world.recording.recording import RecordingError, read_recording
+from encircle.world.recording.recording import read_recording
 
 TICKS = 160
 
@@ -125,55 +124,65 @@ def test_without_good_clocks_the_losses_are_told_without_delays(tmp_path):
         ]
 
 
-def cli(*arguments: object):
-    """What ``encircle`` says and how it ends, with errors that its entry point turns to lines."""
-    return CliRunner().invoke(app, [str(a) for a in arguments])
+@pytest.fixture
+def cli(capsys):
+    """What ``encircle`` prints and how it ends: exit status, standard output, standard error."""
+
+    def run_command(*arguments: object) -> tuple[int, str, str]:
+        status = main([str(argument) for argument in arguments])
+        printed = capsys.readouterr()
+        return status, printed.out, printed.err
+
+    return run_command
 
 
-def test_a_target_that_exists_is_left_alone(recorded, tmp_path):
+def test_a_target_that_exists_is_left_alone(cli, recorded, tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("precious")
-    found = cli("trace", recorded.out, "--out", path)
-    assert isinstance(found.exception, TraceFileError)
-    assert str(found.exception) == f"{path} exists: choose another --out, nothing was changed"
+    status, _, error = cli("trace", recorded.out, "--out", path)
+    assert status == 2
+    assert error == f"encircle: {path} exists: choose another --out, nothing was changed\n"
     assert path.read_text() == "precious"
 
 
 @pytest.mark.parametrize("name", ["t.txt", "t"])
-def test_a_target_of_another_kind_is_refused_before_anything_is_read(tmp_path, name):
-    found = cli("trace", tmp_path / "nothing", "--out", tmp_path / name)
-    assert "must end in .csv or .parquet" in str(found.exception)
+def test_a_target_of_another_kind_is_refused_before_anything_is_read(cli, tmp_path, name):
+    status, _, error = cli("trace", tmp_path / "nothing", "--out", tmp_path / name)
+    assert status == 2
+    assert "must end in .csv or .parquet" in error
 
 
-def test_a_run_in_lock_step_is_refused(tmp_path):
+def test_a_run_in_lock_step_is_refused(cli, tmp_path):
     run({"ticks_max": 3, "team": {"robots": 2}}, link="memory", out=tmp_path / "run")
     for command in (
         ["trace", tmp_path / "run", "--out", tmp_path / "t.csv"],
         ["transport", tmp_path / "run"],
     ):
-        found = cli(*command)
-        assert isinstance(found.exception, RecordingError)
-        assert "clock = 'lockstep'" in str(found.exception)
-        assert "\n" not in str(found.exception)
+        status, _, error = cli(*command)
+        assert status == 2
+        assert "clock = 'lockstep'" in error
+        assert error.count("\n") == 1
     assert not (tmp_path / "t.csv").exists()
 
 
-def test_a_foreign_recording_is_refused(tmp_path):
+def test_a_foreign_recording_is_refused(cli, tmp_path):
     (tmp_path / "recording.mcap").write_bytes(b"something else")
-    found = cli("trace", tmp_path, "--out", tmp_path / "t.csv")
-    assert "is not a recording of this program" in str(found.exception)
+    status, _, error = cli("trace", tmp_path, "--out", tmp_path / "t.csv")
+    assert status == 2
+    assert "is not a recording of this program" in error
 
 
-def test_a_directory_that_is_not_there_is_refused(recorded, tmp_path):
-    found = cli("trace", recorded.out, "--out", tmp_path / "no" / "t.csv")
-    assert "cannot be written: No such file or directory" in str(found.exception)
+def test_a_directory_that_is_not_there_is_refused(cli, recorded, tmp_path):
+    status, _, error = cli("trace", recorded.out, "--out", tmp_path / "no" / "t.csv")
+    assert status == 2
+    assert "cannot be written: No such file or directory" in error
 
 
-def test_the_tables_of_transport_are_shown(recorded):
-    found = cli("transport", recorded.out)
-    assert found.exit_code == 0
-    assert "what the network did" in found.stdout
-    assert "clocks" in found.stdout
+def test_the_tables_of_transport_are_shown(cli, recorded):
+    status, output, _ = cli("transport", recorded.out)
+    assert status == 0
+    assert "what the network did" in output
+    assert "clocks" in output
 
 
 def shown(changes: dict, width: int = 80) -> str:

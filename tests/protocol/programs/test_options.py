@@ -1,15 +1,14 @@
 """Options by command line and by environment, and which of them wins."""
 
+import argparse
+
 import pytest
 
 from encircle.network.certificates import make_certificates
+from encircle.protocol.programs.option_values import name_of, seconds, whole_number
 from encircle.protocol.programs.options import (
     Options,
-    Settings,
     endpoints_of,
-    name_of,
-    seconds,
-    whole_number,
     without_settings,
 )
 from encircle.protocol.zenoh.access_control import identity_in
@@ -85,7 +84,10 @@ def test_an_empty_variable_is_an_absent_one(options):
         (["--join-timeout", "0"], ALL, "'0' is not a number of seconds up to 86400"),
         (["--join-timeout", "nan"], ALL, "'nan' is not a number of seconds"),
         ([], ALL | {"ENCIRCLE_STAY": "maybe"}, "ENCIRCLE_STAY: 'maybe' is not one of 1, yes,"),
-        (["--joint", "3"], ALL, "No such option: --joint (Possible options: --connect, --join-t"),
+        (["--join-timeot", "3"], ALL, "--join-timeot (did you mean '--join-timeout'?)"),
+        (["--stay=yes", "x"], ALL, "argument --stay: ignored explicit argument 'yes'"),
+        (["r1", "r2"], ALL, "unrecognized arguments: r2"),
+        (["--joint", "3"], ALL, "unrecognized arguments: --joint"),
     ],
 )
 def test_what_is_wrong_is_named_in_one_line(options, capsys, arguments, environment, said):
@@ -113,7 +115,7 @@ def test_certificates_are_those_of_the_node_or_of_a_viewer(options, tmp_path):
     found = options.parse(["r1", "--run", "demo", "--connect", "tls/h:1"], {CERTIFICATES: str(lab)})
     assert endpoints_of(found, 1.0, name="r2").identity == identity_in(lab, "r2")
     assert endpoints_of(found, 1.0).identity == identity_in(lab, "viewer")
-    listening = Settings(**vars(found) | {"listen": ["tls/127.0.0.1:0"]})
+    listening = argparse.Namespace(**vars(found) | {"listen": ["tls/127.0.0.1:0"]})
     assert endpoints_of(listening, 1.0, name="world").identity == identity_in(lab, "world")
     with pytest.raises(ConfigurationError, match="only router and world listen, and r1 connects"):
         endpoints_of(listening, 1.0, name="r1")

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers_world import RUN, answers, arena, begun, played, small
-from typer.testing import CliRunner
 
-from encircle.cli.main import app
+from encircle.cli.main import main
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.messages import Command
 from encircle.replay.replaying import replay
@@ -196,15 +195,18 @@ def test_of_several_attempts_the_one_that_reaches_furthest_is_gone_on_with(unbro
 
 
 @pytest.mark.parametrize("content", [None, b""])
-def test_an_attempt_that_broke_off_at_once_stands_in_nobodys_way(unbroken, tmp_path, content):
+def test_an_attempt_that_broke_off_at_once_stands_in_nobodys_way(
+    unbroken, tmp_path, capsys, content
+):
     hunt, path = unbroken
     into = broken(path, tmp_path / "run", 0.8)
     set_aside(into)
     if content is not None:
         (into / "recording.mcap").write_bytes(content)
-    done = CliRunner().invoke(app, ["run", "--resume", str(into), "--link", "memory", "--json"])
-    assert done.exit_code == 0, done.stderr
-    assert json.loads(done.stdout)["digest"] == hunt.digest
+    status = main(["run", "--resume", str(into), "--link", "memory", "--json"])
+    printed = capsys.readouterr()
+    assert status == 0, printed.err
+    assert json.loads(printed.out)["digest"] == hunt.digest
 
 
 @pytest.mark.parametrize("content", [None, b"no recording"])

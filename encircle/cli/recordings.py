@@ -1,0 +1,154 @@
+"""The commands that read a recorded run: ``encircle replay``, ``transport`` and ``trace``."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from encircle.protocol.process.log import say, say_error
+from encircle.protocol.programs.options import Options
+
+if TYPE_CHECKING:
+    from encircle.replay.replay_check import ReplayCheck
+    from encircle.world.recording.recording import Recording
+
+DIFFERENCES_SHOWN_MAX = 10
+
+
+def replay_main(arguments: Sequence[str], program: str) -> int:
+    """Read a recording back, or check it; returns 1 if a decision differs, and 0 otherwise."""
+    options = _options(
+        program,
+        "Read a recording back, and check it. With --check, fresh brains get the recorded"
+        " observations: do they decide the same?",
+    )
+    options.add_flag("--check", "feed it to fresh brains and compare decisions")
+    settings = options.parse(arguments)
+    # Imported late: a mistyped command need not wait for the brains.
+    from encircle.replay.replaying import replay
+
+    recording = _read(settings.run)
+    if not settings.check:
+        summary = _summary(recording)
+        lines = [f"{key:10} {value}" for key, value in summary.items()]
+        say(*([json.dumps(summary)] if settings.json else lines))
+        return 0
+    outcome = replay(recording)
+    say(*([json.dumps(_as_dict(outcome))] if settings.json else _as_lines(outcome)))
+    return 0 if outcome.same else 1
+
+
+def _summary(recording: "Recording") -> dict[str, Any]:
+    return {
+        "recording": str(recording.path),
+        "run": recording.run,
+        "seed": recording.seed,
+        "robots": len(recording.scenario.ids),
+        "messages": len(recording.messages),
+        "last_tick": max((m[0] for m in recording.messages), default=0),
+        "complete": recording.complete,
+    }
+
+
+def _as_dict(outcome: "ReplayCheck") -> dict[str, Any]:
+    return {
+        "same": outcome.same,
+        "ticks": outcome.ticks,
+        "robots": outcome.robots,
+        "compared": outcome.compared,
+        "differences": len(outcome.differences),
+        "complete": outcome.complete,
+        "unchecked": outcome.unchecked,
+    }
+
+
+def _as_lines(outcome: "ReplayCheck") -> list[str]:
+    part = "" if outcome.complete else " (the recording is cut off; all that is there was checked)"
+    return [
+        f"{outcome.compared} messages of {outcome.robots} robots over {outcome.ticks} ticks:"
+        f" {len(outcome.differences)} decided differently{part}",
+        *(
+            f"  tick {tick}: {channel} of {robot}"
+            for tick, robot, channel in outcome.differences[:DIFFERENCES_SHOWN_MAX]
+        ),
+        *(f"  {reason}" for reason in outcome.unchecked),
+    ]
+
+
+def transport_main(arguments: Sequence[str], program: str) -> int:
+    """Show what the network did to each link; returns the exit status."""
+    options = _options(
+        program,
+        "Show what the network did to each link, of a run by the clock, beside what was injected.",
+    )
+    settings = options.parse(arguments)
+    # Imported late: a mistyped command need not wait for tables.
+    from rich.console import Console
+
+    from encircle.network.transport import ledger_of, show
+    from encircle.world.network.transport import report
+
+    links = report(ledger_of(_read(settings.run)))
+    if settings.json:
+        say(json.dumps(links))
+    else:
+        show(links, Console())
+    return 0
+
+
+def trace_main(arguments: Sequence[str], program: str) -> int:
+    """Write what the network did as a trace; returns the exit status."""
+    options = _options(
+        program,
+        "Write what the network did as a trace: loss and delay of a run by the clock, for the"
+        " channel to replay.",
+    )
+    options.add(
+        "--out",
+        "the file to write: .csv or .parquet",
+        read=Path,
+        metavar="FILE",
+        required=True,
+    )
+    settings = options.parse(arguments)
+    # Imported late: a mistyped command need not wait for the recording's reader.
+    from encircle.network.tracing import check_target, trace_of, write_trace
+
+    out = settings.out
+    check_target(out)
+    trace = trace_of(_read(settings.run))
+    write_trace(trace, out)
+    lost = sum(row.lost for row in trace.rows)
+    if trace.delays_refused is not None:
+        say_error(f"encircle: delays are left out: {trace.delays_refused}")
+    if trace.left_out:
+        say_error(f"encircle: {trace.left_out} later packets are left out")
+    if settings.json:
+        summary = {"out": str(out), "packets": len(trace.rows), "lost": lost}
+        say(json.dumps({**summary, "delays": trace.delays_refused is None}))
+    else:
+        say(f"{len(trace.rows)} packets, {lost} lost: {out}")
+    return 0
+
+
+def _options(program: str, description: str) -> Options:
+    options = Options(program, description, environment=False)
+    options.add(
+        "run", "a run's directory or its recording", read=Path, metavar="RUN", required=True
+    )
+    options.add_flag("--json", "print one JSON object")
+    return options
+
+
+def _read(run: Path) -> "Recording":
+    """A recording, with a line on standard error if it is not whole."""
+    from encircle.world.recording.recording import read_recording
+
+    recording = read_recording(run)
+    if not recording.complete:
+        last = max((tick for tick, _, _ in recording.messages), default=0)
+        say_error(
+            f"encircle: {recording.path} is cut off or damaged: it can be read up to tick {last},"
+            " and what follows is left out"
+        )
+    return recording

@@ -1,0 +1,72 @@
+"""The options of ``encircle run``."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from encircle.protocol.programs.option_values import one_of, seconds, whole_number
+from encircle.protocol.programs.options import Options, variable_of
+from encircle.runner.hunts import LINKS
+from encircle.runner.launch import TIMEOUTS, Timeouts
+from encircle.world.coordinator.result import GO_ON, WHEN_LOST
+
+
+def main(arguments: Sequence[str], program: str) -> int:
+    """Run one hunt, record it and draw it; returns the exit status."""
+    options = _options(program)
+    settings = options.parse(arguments)
+    own = (settings.scenario, settings.seed, settings.set, settings.out)
+    if settings.resume is None and settings.scenario is None:
+        options.error("give a scenario, or --resume RUN")
+    if settings.resume is not None and own != (None, None, [], None):
+        options.error(
+            "--resume goes with neither a scenario nor --seed, --set or --out: the run has its own"
+        )
+    # Imported late: a mistyped command need not wait for the display.
+    from encircle.cli.hunting import HuntRequest, hunt_and_draw
+
+    seed = [] if settings.seed is None else [f"seed={settings.seed}"]
+    timeouts = Timeouts(
+        settings.join_timeout or TIMEOUTS.join_s_max,
+        settings.answer_timeout or TIMEOUTS.answer_s_max,
+    )
+    request = HuntRequest(
+        settings.scenario or "",
+        [*settings.set, *seed],
+        settings.out,
+        settings.resume,
+        settings.link,
+        settings.when_lost,
+        timeouts,
+    )
+    hunt_and_draw(request, settings.json)
+    return 0
+
+
+def _options(program: str) -> Options:
+    options = Options(program, "Run one hunt, record it and draw it.", environment=False)
+    options.add("scenario", "a shipped scenario's name or a TOML file", metavar="SCENARIO")
+    options.add("--seed", "a seed instead of the scenario's own", read=whole_number, metavar="N")
+    options.add(
+        "--link",
+        "zenoh (a process per robot) or memory; zenoh if left out",
+        read=one_of(LINKS),
+        default="zenoh",
+    )
+    options.add_list("--set", "change a key of the scenario; may be repeated", metavar="KEY=VALUE")
+    options.add("--out", "directory to record to, new or empty", read=Path, metavar="DIR")
+    options.add(
+        "--when-lost",
+        "what a lost robot process means: go-on without it, or end; go-on if left out",
+        read=one_of(WHEN_LOST),
+        default=GO_ON,
+        metavar="WHAT",
+    )
+    for name, text in (
+        ("--join-timeout", "wait this long for the processes to start, in s"),
+        ("--answer-timeout", "wait this long for a robot's answer, in s"),
+    ):
+        # By the same name and variable as of single nodes.
+        options.add(name, text, read=seconds, variable=variable_of(name), metavar="S")
+    options.add("--resume", "go on with a run that broke off", read=Path, metavar="RUN")
+    options.add_flag("--json", "print one JSON object")
+    return options
