@@ -18,16 +18,11 @@ from encircle.protocol import VERSION
 from encircle.protocol.clocks import Exchange
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.keys import parse_key, robot_key, world_key
-from encircle.protocol.zenoh.connection import (
-    alive_keys,
-    closing,
-    first_messages,
-    has_neighbours,
-    open_session,
-    query,
-)
 from encircle.protocol.zenoh.endpoints import ConnectionFailed, Endpoints
+from encircle.protocol.zenoh.liveliness import alive_keys
 from encircle.protocol.zenoh.node_info import ROUTER_KEY, NodeInfo, decode_info, versions_here
+from encircle.protocol.zenoh.queries import first_messages, query
+from encircle.protocol.zenoh.session import closing, has_neighbours, open_session
 
 ASKED_TIMES = 8
 ASKED_S_MAX = 1.0

@@ -20,7 +20,6 @@ from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say
 from encircle.protocol.programs.option_values import name_of, one_of, seconds
 from encircle.protocol.programs.options import Options, identity
-from encircle.protocol.zenoh.connection import closing, has_neighbours, is_alive, open_session
 from encircle.protocol.zenoh.endpoints import (
     ConfigurationError,
     ConnectionFailed,
@@ -28,6 +27,8 @@ from encircle.protocol.zenoh.endpoints import (
     Identity,
     loopback_endpoint,
 )
+from encircle.protocol.zenoh.liveliness import is_alive
+from encircle.protocol.zenoh.session import closing, has_neighbours, open_session
 
 NODE_KINDS = ("router", "world", "robot")
 CHECK_S_MAX = 3.0

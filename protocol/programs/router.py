@@ -26,10 +26,12 @@ from encircle.protocol.programs.option_values import name_of
 from encircle.protocol.programs.options import Options, endpoints_of
 from encircle.protocol.zenoh.access_control import ROUTER
 from encircle.protocol.zenoh.configuration import warning
-from encircle.protocol.zenoh.connection import closing, open_session, serve_queries, subscribe_alive
 from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, ConfigurationError, ConnectionFailed
+from encircle.protocol.zenoh.liveliness import subscribe_alive
 from encircle.protocol.zenoh.node_info import ROUTER_KEY, info_replier
+from encircle.protocol.zenoh.queries import serve_queries
 from encircle.protocol.zenoh.refusals import report_refusals
+from encircle.protocol.zenoh.session import closing, open_session
 
 END_S_MAX = 5.0
 STEP_S = 0.5

@@ -29,9 +29,9 @@ from encircle.protocol.lockstep import TABLE, Move, Phase
 from encircle.protocol.parameters import Parameters
 from encircle.protocol.zenoh.access_control import RETRY, configuration_file
 from encircle.protocol.zenoh.configuration import configuration
-from encircle.protocol.zenoh.connection import open_session
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.protocol.zenoh.lanes import GATE_SETTINGS, QUEUE_SETTINGS, ROUND, SURE, VIEWERS
+from encircle.protocol.zenoh.session import open_session
 from encircle.runner.launch import free_endpoint
 from encircle.world.arena.capture import is_captured
 

@@ -24,9 +24,11 @@ from encircle.doctor import run as checkup_run
 from encircle.protocol import VERSION
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.mailbox import now_us
-from encircle.protocol.zenoh.connection import ZenohConnection, open_session, serve_queries
+from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.protocol.zenoh.node_info import ROUTER_KEY, info_replier
+from encircle.protocol.zenoh.queries import serve_queries
+from encircle.protocol.zenoh.session import open_session
 from encircle.runner.launch import free_endpoint
 
 MIB = 1024 * 1024

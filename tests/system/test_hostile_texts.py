@@ -37,8 +37,9 @@ from encircle.protocol.messages import End, Setup
 from encircle.protocol.plugins import TARGET, TARGETS, PluginFailed
 from encircle.protocol.process.log import bounded_log, printable, say, say_error
 from encircle.protocol.programs import alive
-from encircle.protocol.zenoh.connection import open_session, serve_queries
 from encircle.protocol.zenoh.endpoints import Endpoints
+from encircle.protocol.zenoh.queries import serve_queries
+from encircle.protocol.zenoh.session import open_session
 from encircle.runner.launch import free_endpoint
 from encircle.studies.report import page
 from encircle.world.loading.load import load

@@ -14,8 +14,9 @@ from helpers_waiting import LONGEST_S, ample_s, completed, ended, taken, until
 
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.programs.router import END_S_MAX, Tokens
-from encircle.protocol.zenoh.connection import ROUTER_S_MAX, ZenohConnection
+from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
+from encircle.protocol.zenoh.liveliness import ROUTER_S_MAX
 from encircle.runner.launch import free_endpoint
 
 WORLD, R1, R2 = (
@@ -98,7 +99,7 @@ def test_it_ends_cleanly_when_asked_to(router, number):
 
 def test_a_restarted_router_is_not_noticed_by_who_watches(router, closing, monkeypatch):
     """Tokens that come back are not told of; that others come later shows that all was seen."""
-    monkeypatch.setattr("encircle.protocol.zenoh.connection.ROUTER_S_MAX", LONGEST_S)
+    monkeypatch.setattr("encircle.protocol.zenoh.liveliness.ROUTER_S_MAX", LONGEST_S)
     world = linked(router, closing, robot_key("t", "*", "*"))
     robot = linked(router, closing, robot_key("t", "r1", "*"))
     by_world, by_robot = watched(world, robot_key("t", "*", "alive")), watched(robot, WORLD)
@@ -137,7 +138,7 @@ def test_who_leaves_a_router_that_stays_is_told_of(router, closing):
 
 def test_who_does_not_come_back_after_a_restart_is_told_of(router, closing, monkeypatch):
     # Zenoh tries for a connection once in a second or two; the router has to start before that.
-    monkeypatch.setattr("encircle.protocol.zenoh.connection.ROUTER_S_MAX", 2.0 + 2.0 * ample_s())
+    monkeypatch.setattr("encircle.protocol.zenoh.liveliness.ROUTER_S_MAX", 2.0 + 2.0 * ample_s())
     world = linked(router, closing, robot_key("t", "*", "*"))
     robots = [linked(router, closing, robot_key("t", robot, "*")) for robot in ("r1", "r2")]
     seen = watched(world, robot_key("t", "*", "alive"))
@@ -155,7 +156,7 @@ def test_who_does_not_come_back_after_a_restart_is_told_of(router, closing, monk
 
 def test_a_router_that_is_gone_for_too_long_takes_all_with_it(router, closing, monkeypatch):
     assert ROUTER_S_MAX > 5.0
-    monkeypatch.setattr("encircle.protocol.zenoh.connection.ROUTER_S_MAX", 0.3)
+    monkeypatch.setattr("encircle.protocol.zenoh.liveliness.ROUTER_S_MAX", 0.3)
     world = linked(router, closing, robot_key("t", "*", "*"))
     robot = linked(router, closing, robot_key("t", "r1", "*"))
     seen = watched(robot, WORLD)

@@ -16,8 +16,9 @@ from helpers_paths import ROOT
 from helpers_waiting import LONGEST_S, completed, ended, until
 
 from encircle.protocol.keys import robot_key
-from encircle.protocol.zenoh.connection import alive_keys, open_session
 from encircle.protocol.zenoh.endpoints import Endpoints
+from encircle.protocol.zenoh.liveliness import alive_keys
+from encircle.protocol.zenoh.session import open_session
 
 _numbers = itertools.count()
 

@@ -5,8 +5,9 @@ from helpers_waiting import LONGEST_S, until
 
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.programs.alive import main
-from encircle.protocol.zenoh.connection import ZenohConnection, open_session
+from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
+from encircle.protocol.zenoh.session import open_session
 from encircle.runner.launch import free_endpoint
 
 QUICK = ("--check-timeout", "1")

@@ -25,9 +25,10 @@ from encircle.protocol.zenoh.access_control import (
     settings,
     tls,
 )
-from encircle.protocol.zenoh.connection import is_alive, open_session
 from encircle.protocol.zenoh.endpoints import ConfigurationError, ConnectionFailed, Endpoints
+from encircle.protocol.zenoh.liveliness import is_alive
 from encircle.protocol.zenoh.node_info import ROUTER_KEY
+from encircle.protocol.zenoh.session import open_session
 
 RUN = "m"
 SAID_BY_ROBOTS, SAID_TO_ROBOTS = ("pose", "command"), ("setup", "observation", "end")
