@@ -1,16 +1,16 @@
 """Messages to bytes and back. One msgpack map per message, string keys, ``v`` and ``run`` first.
 
 Decoding trusts nothing: length, version, run, the exact set of fields, each once, each field's type
-and every number's finiteness are checked (``encircle.protocol.fields``), and the error names the
-field, its value and who sent it. What is long is looked through before it is unpacked, which takes
-far more memory. Encoding is canonical (fixed field order, no optional fields left out), so equal
-messages have equal bytes.
+and every number's finiteness are checked, and the error names the field, its value and who sent it.
+Fields, their order and their checks are those that the messages' classes declare
+(``encircle.protocol.wire.declaration``). A long payload is looked through before it is unpacked,
+which takes far more memory. Encoding is canonical (fixed field order, no optional fields left out),
+so equal messages have equal bytes.
 """
 
 import math
 import reprlib
 from collections.abc import Callable, Mapping
-from dataclasses import fields
 from functools import lru_cache
 from operator import attrgetter
 from typing import Any, TypeAlias, TypeVar
@@ -18,17 +18,20 @@ from typing import Any, TypeAlias, TypeVar
 import msgpack
 
 from encircle.protocol import VERSION
+from encircle.protocol.consistency import problem_of
 from encircle.protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
-from encircle.protocol.fields import (
-    COUNT_MAX,
-    NUMBER_MAX,
-    TEXT_MAX,
-    are_plain_reports,
-    check_of,
-    problem_of,
-)
 from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
-from encircle.protocol.packing import DuplicateName, bytes_in_list, check_names, map_size
+from encircle.protocol.wire.checks import are_plain_reports
+from encircle.protocol.wire.declaration import declared_fields
+from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, TEXT_MAX
+from encircle.protocol.wire.packing import (
+    DuplicateName,
+    bytes_in_list,
+    check_names,
+    map_header,
+    map_header_bytes,
+    map_size,
+)
 
 Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
 
@@ -47,7 +50,7 @@ LEAN_BYTES_MAX = 64 * 1024
 """What an observation takes at most besides its packets, for the largest team."""
 PACKET_BYTES_MIN = 64
 """No pose is shorter: the names of its fields alone take more."""
-HEADER_BYTES = 9  # map size, "v", version, "run", and the size of a name below 32 letters
+VERSION_AND_RUN_BYTES = 8  # "v", version, "run", and the size of a name below 32 letters
 SHOWN_MAX = 80
 _FLOAT = {float}
 DECODED_POSES_MAX = 4096
@@ -82,7 +85,7 @@ def body_of(payload: bytes, run: str) -> bytes:
 
     The payload must begin as ours do; see ``begins_canonically``.
     """
-    return payload[HEADER_BYTES + len(run) :]
+    return payload[map_header_bytes(payload) + VERSION_AND_RUN_BYTES + len(run) :]
 
 
 def begins_canonically(kind: type[Any], payload: bytes, run: str) -> bool:
@@ -92,9 +95,8 @@ def begins_canonically(kind: type[Any], payload: bytes, run: str) -> bool:
 
 @lru_cache(maxsize=64)
 def _header(kind: type[Any], run: str) -> bytes:
-    size = bytes([0x80 + len(_NAMES[kind])])  # a map of fewer than 16 fields
     parts: list[bytes] = [msgpack.packb(part) for part in ("v", VERSION, "run", run)]
-    return size + b"".join(parts)
+    return map_header(len(_NAMES[kind])) + b"".join(parts)
 
 
 def decode_pose(payload: bytes, run: str) -> Pose:
@@ -185,9 +187,10 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
             raise _duplicate_names(kind)
     else:
         raise _wrong_fields(kind, body)
-    place = _MAPS.get(kind)
-    if place is not None and values[place]:
-        _check_names(kind, payload)
+    for index in _MAP_INDICES[kind]:
+        if values[index]:
+            _check_names(kind, payload)
+            break
     try:
         message = kind(*[check(value) for check, value in zip(checks, values, strict=True)])
     except (TypeError, ValueError):
@@ -250,17 +253,18 @@ def _shown(value: object) -> str:
     return text if len(text) <= SHOWN_MAX else text[:SHOWN_MAX] + "..."
 
 
+_FIELDS = {kind: declared_fields(kind) for kind in BYTES_MAX}
 _NAMES: dict[type[Any], tuple[str, ...]] = {
-    kind: ("v", "run", *(f.name for f in fields(kind))) for kind in BYTES_MAX
+    kind: ("v", "run", *(field.name for field in fields)) for kind, fields in _FIELDS.items()
 }
 _VALUES: dict[type[Any], Callable[[Any], tuple[Any, ...]]] = {
     kind: attrgetter(*names[2:]) for kind, names in _NAMES.items()
 }
 _CHECKS: dict[type[Any], tuple[Callable[[Any], Any], ...]] = {
-    kind: tuple(check_of(kind, name) for name in names[2:]) for kind, names in _NAMES.items()
+    kind: tuple(field.type.check for field in fields) for kind, fields in _FIELDS.items()
 }
-_MAPS = {
-    Setup: _NAMES[Setup].index("parameters") - 2,
-    Command: _NAMES[Command].index("refused") - 2,
+_MAP_INDICES: dict[type[Any], tuple[int, ...]] = {
+    kind: tuple(index for index, field in enumerate(fields) if field.type.has_map)
+    for kind, fields in _FIELDS.items()
 }
-"""Where a message has a map inside."""
+"""Which fields of a message have a map inside."""

@@ -1,4 +1,8 @@
-"""The messages, as frozen values. Units: metres, seconds, radians; velocities in m/s.
+"""The messages, as frozen values: each field with its type, unit and meaning, declared here alone.
+
+Checks, the order on the wire, the JSON schemas in recordings and the tables of docs/protocol.md
+follow from these classes (``encircle.protocol.wire.declaration``). Units: metres, seconds, radians;
+velocities in m/s. Links in a meaning lead to sections of docs/protocol.md.
 
 Every position and step that crosses the wire is a whole multiple of ``QUANTUM_M`` (2**-20 m, about
 a micron). That is finer than any sensor and coarser than floating-point noise, so that a last-bit
@@ -7,25 +11,57 @@ difference between two machines' mathematical libraries does not grow into a dif
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from enum import StrEnum
+from typing import Annotated, Any
 
-Point: TypeAlias = tuple[float, float]
-Timing: TypeAlias = tuple[int, int, tuple[tuple[str, int, int], ...]]
+from encircle.protocol.endings import Reason
+from encircle.protocol.real_time import Timing
+from encircle.protocol.wire import checks
+from encircle.protocol.wire.declaration import Field
+from encircle.protocol.wire.field_types import (
+    Angle,
+    Boolean,
+    CheckedBy,
+    Count,
+    Duration,
+    FieldType,
+    Integer,
+    Items,
+    Length,
+    Packets,
+    PlainMap,
+    Real,
+    Robots,
+    Team,
+    Text,
+)
+from encircle.protocol.wire.field_types import (
+    Point as Point,
+)
+from encircle.protocol.wire.limits import RAYS_MAX, RAYS_MIN, RELAYED_MAX
 
 QUANTA_PER_M = float(2**20)
 QUANTUM_M = 1.0 / QUANTA_PER_M
-RELAYED_MAX = 16
-HEARD_MAX = 256
-RAYS_MIN, RAYS_MAX = 8, 360
-REASON_MAX = 200
-ENDS = ("captured", "ticks")
-FAILED_PREFIX = "failed: "
-"""What the reason of a run that failed begins with."""
 CAUSE_CODE_MAX = 10
 """Codes of causes of loss go from 1 to this."""
-RADIOS = ("world", "direct")
-FAILED = "failed"
-"""Mode of the command of a robot whose own code has failed: it cannot go on, nor can the run."""
+
+
+class PoseCarrier(StrEnum):
+    """Who carries poses: the world, in the inboxes of observations, or the network directly."""
+
+    WORLD = "world"
+    DIRECT = "direct"
+
+
+class CommandMode(StrEnum):
+    """Modes of commands that no policy has chosen.
+
+    ``FAILED``: the robot's own code has failed; it cannot go on, nor can the run. ``STOP``: in real
+    time, unasked, when no observation comes: the robot stands still.
+    """
+
+    FAILED = "failed"
+    STOP = "stop"
 
 
 def quantise_m(length_m: float) -> float:
@@ -33,143 +69,273 @@ def quantise_m(length_m: float) -> float:
     return round(length_m * QUANTA_PER_M) / QUANTA_PER_M
 
 
+def _check_carrier(value: Any) -> PoseCarrier:
+    if type(value) is str and (carrier := _CARRIERS.get(value)) is not None:
+        return carrier
+    raise ValueError(f"one of {', '.join(PoseCarrier)}")
+
+
+_CARRIERS = {carrier.value: carrier for carrier in PoseCarrier}
+_CARRIER = FieldType("text", "texts", {"type": "string", "enum": list(_CARRIERS)}, _check_carrier)
+
+
 @dataclass(frozen=True, slots=True)
 class Setup:
     """World to robot, at joining: all that a robot needs to know besides its own id.
 
-    ``team`` lists every robot's id in robot order, the order in which all ties break. A robot that
-    gets a setup forgets what it knew: ``first_tick`` is the tick of its first observation, and
-    observations before ``answer_tick`` are only remembered, not answered (they bring a robot up to
-    date that joins a run again which a new world has taken up). ``radio`` is who carries poses:
-    ``world`` (they come in the observation's inbox) or ``direct`` (robots hear each other).
+    A robot that gets a setup forgets what it knew. Observations before ``answer_tick`` are only
+    remembered, not answered: they bring a robot up to date that joins a run again which a new world
+    has taken up.
     """
 
-    robot: str
-    team: tuple[str, ...]
-    tick_s: float
-    strategy: str
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    radio: str = "world"
-    first_tick: int = 0
-    answer_tick: int = 0
+    robot: Annotated[Text, Field("the robot this is for")]
+    team: Annotated[Team, Field("all robots, each once, in robot order, in which all ties break")]
+    tick_s: Annotated[Duration, Field("length of a tick", "s")]
+    strategy: Annotated[
+        Text,
+        Field(
+            "the scenario's `team.strategy`: one of [five names](#the-hunt), or that of a plug-in"
+        ),
+    ]
+    parameters: Annotated[PlainMap, Field("what the scenario sets, see below")] = field(
+        default_factory=dict
+    )
+    radio: Annotated[
+        PoseCarrier,
+        _CARRIER,
+        Field(
+            "who carries poses: `world` (they come in the inbox) or `direct` (robots hear each"
+            " other)"
+        ),
+    ] = PoseCarrier.WORLD
+    first_tick: Annotated[Count, Field("the tick of the first observation that follows")] = 0
+    answer_tick: Annotated[
+        Count,
+        Field(
+            "the first tick to be answered; see [Leaving and coming back](#leaving-and-coming-back)"
+        ),
+    ] = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """World to robot, once per tick: what its sensors and its radio give it.
+    """World to robot, once per tick: what its sensors and its radio give it."""
 
-    ``scan[m]`` is the distance in m from the robot's centre to the nearest surface along the ray
-    with bearing ``2 pi m / len(scan)`` in the world frame, or the sensing range if there is none.
-    ``seen`` holds the robots in range and in sight as ``(id, x, y)``. ``inbox`` holds the pose
-    packets that the radio delivers at this tick, as their senders encoded them. ``lost`` names the
-    robots whose liveliness tokens are gone. ``sent_us`` is the sender's clock (Unix time in us) in
-    real time, None in lock-step, where no clock may show. ``admitted`` is the inbox by reference,
-    where robots hear each other: the packets ``(sender, sequence)`` that the modelled radio lets
-    through at this tick, None if it lets everything through. ``answered`` is the tick of this
-    robot's newest command that has reached the world, in real time; None if there is none.
-    """
-
-    robot: str
-    tick: int
-    position: Point
-    heading_rad: float
-    target: Point | None
-    scan: tuple[float, ...]
-    seen: tuple[tuple[str, float, float], ...]
-    inbox: tuple[bytes, ...]
-    lost: tuple[str, ...] = ()
-    sent_us: int | None = None
-    admitted: tuple[tuple[str, int], ...] | None = None
-    answered: int | None = None
+    robot: Annotated[Text, Field("the robot this is for")]
+    tick: Annotated[Count, Field("0 at first, then one more each time")]
+    position: Annotated[Point, Field("its own position, exact", "m")]
+    heading_rad: Annotated[
+        Angle,
+        Field(
+            "direction it faces or, if it can move any way at once, in which it last set out;"
+            " 0 at first",
+            "rad",
+        ),
+    ]
+    target: Annotated[
+        Point | None,
+        Field(
+            "its own detection of the target, with the scenario's noise; null if out of range or"
+            " sight",
+            "m",
+        ),
+    ]
+    scan: Annotated[
+        tuple[Length, ...],
+        Items(RAYS_MAX, RAYS_MIN),
+        CheckedBy(checks.scan),
+        Field(
+            "`scan[m]`: distance from the robot's centre along bearing `2 pi m / M`, in the world"
+            " frame, to the nearest surface, from 0 to the sensing range, which also stands for"
+            " nothing there; M is 8 to 360, 24 by default",
+            "m",
+        ),
+    ]
+    seen: Annotated[
+        tuple[tuple[Text, Real, Real], ...],
+        CheckedBy(checks.sightings),
+        Field(
+            "other robots in range and in sight: id, x, y, exact, each once, in robot order", "m"
+        ),
+    ]
+    inbox: Annotated[
+        Packets,
+        Field(
+            "the pose packets that the radio delivers at this tick, as their senders encoded them"
+        ),
+    ]
+    lost: Annotated[
+        Robots,
+        Field(
+            "the other robots that have [left](#leaving-and-coming-back) and are not back, each"
+            " once, in robot order"
+        ),
+    ] = ()
+    sent_us: Annotated[
+        Count | None,
+        Field(
+            "the world's clock as it sent this, Unix time in us; null in lock-step, where no clock"
+            " may show",
+            "us",
+        ),
+    ] = None
+    admitted: Annotated[
+        tuple[tuple[Text, Count], ...] | None,
+        Field(
+            "where robots hear each other: the packets, by sender and sequence, that the modelled"
+            " radio lets through at this tick; null if it lets everything through, and in lock-step"
+        ),
+    ] = None
+    answered: Annotated[
+        Count | None,
+        Field(
+            "by the clock: the tick of this robot's newest command that has come since its setup,"
+            " null if none has; in lock-step null"
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Robot to its peers, by radio: where it is, what it saw of the target, what it is up to.
+    """Robot to its peers, by radio: where it is, what it saw of the target, what it is up to."""
 
-    ``detection`` is the sender's own, of this tick. ``relayed`` passes on what others detected
-    earlier, each as ``(origin, tick, x, y)``, at most ``RELAYED_MAX``, so that a detection can take
-    a way round a bad link. ``sent_us``: as in ``Observation``.
-    """
-
-    robot: str
-    tick: int
-    sequence: int
-    position: Point
-    velocity: Point
-    detection: Point | None
-    mode: str
-    xi: float | None
-    point: int | None
-    relayed: tuple[tuple[str, int, float, float], ...] = ()
-    sent_us: int | None = None
+    robot: Annotated[Text, Field("the sender")]
+    tick: Annotated[Count, Field("the tick that is being answered")]
+    sequence: Annotated[
+        Count,
+        Field(
+            "the sender's own numbering; the tick, in this code, so that a silent tick leaves a"
+            " gap; [by the clock](#by-the-clock) one by one"
+        ),
+    ]
+    position: Annotated[Point, Field("where it is", "m")]
+    velocity: Annotated[
+        Point, Field("here the last step divided by `tick_s`, zero at tick 0", "m/s")
+    ]
+    detection: Annotated[
+        Point | None, Field("where it detected the target *at this tick, itself*", "m")
+    ]
+    mode: Annotated[
+        Text, Field("what it is up to: here `search`, `encircle`, `shrink` or `pursue`")
+    ]
+    xi: Annotated[Real | None, Field("the prediction step it chose", "ticks")]
+    point: Annotated[
+        Count | None,
+        Field(
+            "which encirclement point of its ring it heads for, from 0, [which](#the-hunt) lies"
+            " where the robot farthest from the target is"
+        ),
+    ]
+    relayed: Annotated[
+        tuple[tuple[Text, Count, Real, Real], ...],
+        Items(RELAYED_MAX),
+        CheckedBy(checks.relayed),
+        Field(
+            "where others detected the target at earlier ticks, so that a detection can take a way"
+            " round a bad link: origin, tick, x, y",
+            "m",
+        ),
+    ] = ()
+    sent_us: Annotated[
+        Count | None,
+        Field("the sender's clock as it sent this, Unix time in us; null in lock-step", "us"),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Robot to world, once per tick: the step it wants to make, and for the record why.
+    """Robot to world, once per tick: the step it wants to make, and for the record why."""
 
-    ``estimate`` is its estimate of the target's position, ``goal`` the point it heads for, ``team``
-    the robots it planned with, ``predictor`` what made the prediction (``spline``, ``velocity`` or
-    ``hold``), ``refused`` how many messages it has refused so far by cause, and under
-    ``late-detection`` how many detections came too late for its filter. ``published`` tells whether
-    the robot sends its peers a pose at this tick; if not, the command alone is its answer.
-    ``timing`` is None in lock-step, and in real time what the robot's clock said: when the
-    observation came, when this was sent, and what came before, oldest first, as ``(sender, number,
-    us)``: poses heard directly, and observations (``encircle.protocol.real_time``).
-    """
-
-    robot: str
-    tick: int
-    step: Point
-    mode: str
-    xi: float | None
-    point: int | None
-    goal: Point | None
-    estimate: Point | None
-    predictor: str | None
-    team: tuple[str, ...]
-    published: bool = True
-    refused: Mapping[str, int] = field(default_factory=dict)
-    timing: Timing | None = None
+    robot: Annotated[Text, Field("the sender")]
+    tick: Annotated[Count, Field("the tick that is being answered")]
+    step: Annotated[Point, Field("the displacement it wants to make until the next tick", "m")]
+    mode: Annotated[
+        Text,
+        Field(
+            "as in Pose, for the record, as all that follows; but a command with mode `failed`,"
+            " without a pose, says that the robot's own code has failed: it counts for nothing"
+            " else, and the world ends the run as failed"
+        ),
+    ]
+    xi: Annotated[Real | None, Field("as in Pose", "ticks")]
+    point: Annotated[Count | None, Field("as in Pose")]
+    goal: Annotated[Point | None, Field("the point it heads for", "m")]
+    estimate: Annotated[Point | None, Field("where it believes the target to be", "m")]
+    predictor: Annotated[
+        Text | None, Field("what predicted the target: here `spline`, `velocity` or `hold`")
+    ]
+    team: Annotated[Robots, Field("the robots it planned with")]
+    published: Annotated[
+        Boolean,
+        Field("whether it sends a pose at this tick; if not, [this is the whole answer](#a-round)"),
+    ] = True
+    refused: Annotated[
+        Mapping[Text, Count],
+        Field(
+            "how many messages it has refused so far, by [cause](#what-is-refused); under"
+            " `late-detection`, how many detections came too late for its filter"
+        ),
+    ] = field(default_factory=dict)
+    timing: Annotated[
+        Timing | None,
+        Field(
+            "null in lock-step; else when, by the robot's clock in us, the observation came, when"
+            " this was sent, and [what it has heard when](#by-the-clock): sender, number, us",
+            "us",
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """World to robot: the run is over. ``reason`` is ``captured``, ``ticks`` or ``failed: ...``."""
+    """World to robot: the run is over."""
 
-    robot: str
-    tick: int
-    reason: str
+    robot: Annotated[Text, Field("the robot this is for")]
+    tick: Annotated[Count, Field("the last tick")]
+    reason: Annotated[
+        Reason,
+        Field(
+            "`captured`, `ticks` (the scenario's limit is reached), or `failed: ` and why; at most"
+            " 200 characters in all"
+        ),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """World to anyone who looks on: the truth at a tick.
+    """World to anyone who looks on: the truth at a tick."""
 
-    ``robots``: N positions in robot order. ``headings_rad``: the directions in which they last set
-    out. ``contacts``: pairs of body names whose motion was cut short by touching since the last
-    tick.
-    """
-
-    tick: int
-    robots: tuple[Point, ...]
-    headings_rad: tuple[float, ...]
-    target: Point
-    captured: bool
-    contacts: tuple[tuple[str, str], ...]
+    tick: Annotated[Count, Field("the tick")]
+    robots: Annotated[tuple[Point, ...], Field("positions in robot order", "m")]
+    headings_rad: Annotated[
+        tuple[Angle, ...], Field("the directions in which they last set out, likewise", "rad")
+    ]
+    target: Annotated[Point, Field("position", "m")]
+    captured: Annotated[Boolean, Field("whether the hunt ended here in a capture")]
+    contacts: Annotated[
+        tuple[tuple[Text, Text], ...],
+        Field("bodies that touched since the last tick: `r1`..., `target`, `obstacle-1`..."),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
 class Radio:
-    """World to recorders: the fate of each packet sent at a tick.
+    """World to recorders: the fate of each packet sent at a tick."""
 
-    ``fates[sender][receiver]`` is the tick at which the packet will be delivered, or minus a cause
-    code (``encircle.world.channel.channel.CAUSES``) if it is lost; 0 where there was no packet.
-    ``copies``, likewise, are the ticks at which duplicates made by the radio will be delivered;
-    empty if there are none.
-    """
-
-    tick: int
-    fates: tuple[tuple[int, ...], ...]
-    copies: tuple[tuple[int, ...], ...] = ()
+    tick: Annotated[Count, Field("when they were sent")]
+    fates: Annotated[
+        tuple[tuple[Integer, ...], ...],
+        Field(
+            "N x N, `fates[sender][receiver]`: the tick of delivery, or minus the code of the cause"
+            " of loss, or 0 where there was no packet: on the diagonal, and in the row of a robot"
+            " that kept silent"
+        ),
+    ]
+    copies: Annotated[
+        tuple[tuple[Integer, ...], ...],
+        Field(
+            "N x N, `copies[sender][receiver]`: the tick at which a second copy of the packet is"
+            " delivered that the radio made, or 0 if it made none; an empty list if the scenario's"
+            " radio makes no copies"
+        ),
+    ] = ()

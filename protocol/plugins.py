@@ -11,8 +11,8 @@ from importlib.metadata import EntryPoint, entry_points
 from math import nan
 from typing import Any
 
-from encircle.protocol.fields import NUMBER_MAX
 from encircle.protocol.messages import Point
+from encircle.protocol.wire.limits import NUMBER_MAX
 
 STRATEGIES, TARGETS = "encircle.strategies", "encircle.targets"
 GROUPS = (STRATEGIES, TARGETS)

@@ -26,8 +26,15 @@ from encircle.protocol.errors import (
     WrongSender,
 )
 from encircle.protocol.keys import parse_key, robot_key
-from encircle.protocol.messages import HEARD_MAX, Command, Observation
-from encircle.protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
+from encircle.protocol.messages import Command, CommandMode, Observation, PoseCarrier
+from encircle.protocol.real_time import (
+    RECEIPT_WORDS,
+    Receipt,
+    ReceiptKind,
+    ReceptionCount,
+    Timing,
+)
+from encircle.protocol.wire.limits import RECEIPTS_MAX
 
 BACKLOG_MAX = 1024
 UNACKNOWLEDGED_MAX = 16_384
@@ -50,7 +57,7 @@ class RealTimeRobotCore:
         setup = self.core.setup
         assert setup is not None, "real time begins with a setup"
         self._setup = setup
-        for name in (PASSED_OVER, MISSED):
+        for name in (ReceptionCount.PASSED_OVER, ReceptionCount.MISSED):
             self.core.refused.pop(name, None)
         self._direct_inbox = DirectInbox(
             [robot for robot in setup.team if robot != self.core.robot]
@@ -61,11 +68,11 @@ class RealTimeRobotCore:
         self._sequence = setup.first_tick
         # The receipts that the world may not have, from number ``_acknowledged`` on; by tick,
         # where those that a command carried end.
-        self._unacknowledged: deque[tuple[str, int, int]] = deque()
+        self._unacknowledged: deque[Receipt] = deque()
         self._acknowledged = 0
         self._receipt_ends: dict[int, int] = {}
-        longest = max(len(name.encode()) for name in (*setup.team, ANSWERED, PASSED_OVER))
-        self._receipts_max = min(HEARD_MAX, RECEIPTS_BYTES_MAX // (RECEIPT_BYTES + longest))
+        longest = max(len(name.encode()) for name in (*setup.team, *RECEIPT_WORDS))
+        self._receipts_max = min(RECEIPTS_MAX, RECEIPTS_BYTES_MAX // (RECEIPT_BYTES + longest))
         self._arrival_us = 0
         self._last_command: Command | None = None
 
@@ -91,7 +98,7 @@ class RealTimeRobotCore:
             self._backlog.append((arrival_us, key, payload))
             if len(self._backlog) > BACKLOG_MAX:
                 self._backlog.popleft()
-                self._count(OVERHEARD, 1)
+                self._count(ReceptionCount.OVERHEARD, 1)
         elif channel == "observation" and robot == self.core.robot:
             observation = decode(Observation, payload, run)
             self._check(observation)
@@ -100,11 +107,11 @@ class RealTimeRobotCore:
                     f"observation of tick {observation.tick}, next is {self._next_tick}"
                 )
             self.core.accepted += 1
-            self._count(MISSED, observation.tick - self._next_tick)
+            self._count(ReceptionCount.MISSED, observation.tick - self._next_tick)
             self._next_tick = observation.tick + 1
             self._acknowledge(observation.answered)
             if len(self._unacknowledged) + len(self._waiting) >= UNACKNOWLEDGED_MAX:
-                self._count(MISSED, 1)
+                self._count(ReceptionCount.MISSED, 1)
                 return
             self._waiting.append((arrival_us, observation))
         else:
@@ -114,7 +121,7 @@ class RealTimeRobotCore:
 
     def _check(self, observation: Observation) -> None:
         self.core.check(observation)
-        if observation.inbox and self._setup.radio == "direct":
+        if observation.inbox and self._setup.radio == PoseCarrier.DIRECT:
             raise MalformedMessage("Observation: inbox must be empty where robots hear each other")
 
     def decide(self) -> Action | None:
@@ -126,20 +133,20 @@ class RealTimeRobotCore:
         self._take_backlog()
         for _, observation in waiting:
             self._direct_inbox.admit(observation.admitted)
-        self._count(PASSED_OVER, len(waiting) - 1)
+        self._count(ReceptionCount.PASSED_OVER, len(waiting) - 1)
         for arrival_us, observation in waiting[:-1]:
-            self._unacknowledged.append((PASSED_OVER, observation.tick, arrival_us))
+            self._note(ReceiptKind.PASSED_OVER, observation.tick, arrival_us)
         inbox = [packet for _, observation in waiting for packet in observation.inbox]
-        if self._setup.radio == "direct":
+        if self._setup.radio == PoseCarrier.DIRECT:
             inbox += self._direct_inbox.take(newest.tick)
         try:
             action = self.core.answer(replace(newest, inbox=tuple(inbox)))
         except ProtocolError as error:
             self.core.refuse("observation", error)
-            self._count(PASSED_OVER, 1)
-            self._unacknowledged.append((PASSED_OVER, newest.tick, self._arrival_us))
+            self._count(ReceptionCount.PASSED_OVER, 1)
+            self._note(ReceiptKind.PASSED_OVER, newest.tick, self._arrival_us)
             return None
-        self._unacknowledged.append((ANSWERED, newest.tick, self._arrival_us))
+        self._note(ReceiptKind.ANSWERED, newest.tick, self._arrival_us)
         return action
 
     def messages(self, action: Action, now_us: int) -> Outgoing:
@@ -148,7 +155,8 @@ class RealTimeRobotCore:
         self._receipt_ends[action.command.tick] = self._acknowledged + len(receipts)
         if len(self._receipt_ends) > UNACKNOWLEDGED_MAX:
             del self._receipt_ends[next(iter(self._receipt_ends))]
-        self._last_command = replace(action.command, timing=(self._arrival_us, now_us, receipts))
+        timing = Timing(self._arrival_us, now_us, receipts)
+        self._last_command = replace(action.command, timing=timing)
         messages = [self._message("command", self._last_command)]
         if action.pose is not None:
             # Numbered one by one, so that a gap is a packet that was lost and nothing else.
@@ -159,13 +167,17 @@ class RealTimeRobotCore:
 
     def stop(self, now_us: int) -> Outgoing:
         """No observation for ``observation_timeout_s``: stand still and say so once."""
-        if self._last_command is None or self._last_command.mode == STOPPED:
+        if self._last_command is None or self._last_command.mode == CommandMode.STOP:
             return []
         assert self._last_command.timing is not None, "commands by the clock have it"
         # Whether this or the one before has come cannot be told apart: both tell the same.
-        timing = (self._arrival_us, now_us, self._last_command.timing[2])
+        timing = Timing(self._arrival_us, now_us, self._last_command.timing.receipts)
         self._last_command = replace(
-            self._last_command, step=(0.0, 0.0), mode=STOPPED, published=False, timing=timing
+            self._last_command,
+            step=(0.0, 0.0),
+            mode=CommandMode.STOP,
+            published=False,
+            timing=timing,
         )
         return [self._message("command", self._last_command)]
 
@@ -192,11 +204,14 @@ class RealTimeRobotCore:
                 self.core.refuse(key, error)
                 continue
             self._direct_inbox.add_packet(pose.robot, pose.sequence, pose.tick, packet)
-            self._unacknowledged.append((pose.robot, pose.sequence, arrival_us))
+            self._unacknowledged.append(Receipt(pose.robot, pose.sequence, arrival_us))
 
     def count_dropped(self, packets: int) -> None:
         """So many messages have come for which there was no room."""
-        self._count(OVERHEARD, packets)
+        self._count(ReceptionCount.OVERHEARD, packets)
+
+    def _note(self, kind: ReceiptKind, tick: int, arrival_us: int) -> None:
+        self._unacknowledged.append(Receipt.of_observation(kind, tick, arrival_us))
 
     def _count(self, name: str, number: int) -> None:
         if number:

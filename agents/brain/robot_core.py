@@ -21,7 +21,7 @@ from encircle.protocol.errors import (
     WrongSender,
 )
 from encircle.protocol.keys import parse_key, robot_key
-from encircle.protocol.messages import FAILED, Command, End, Observation, Pose, Setup
+from encircle.protocol.messages import Command, CommandMode, End, Observation, Pose, Setup
 from encircle.protocol.parameters import BODIES, Parameters
 from encircle.protocol.plugins import STRATEGIES, PluginFailed, PluginLoadError
 
@@ -226,4 +226,6 @@ def _no_policy(view: View) -> Decision:
 def _failure_command(observation: Observation) -> Command:
     """The command of a robot that cannot say what to do: it stands still."""
     robot, tick = observation.robot, observation.tick
-    return Command(robot, tick, (0.0, 0.0), FAILED, None, None, None, None, None, (), False)
+    return Command(
+        robot, tick, (0.0, 0.0), CommandMode.FAILED, None, None, None, None, None, (), False
+    )

@@ -7,10 +7,9 @@ and later, where nothing tells who is to blame.
 from typing import Any
 
 from encircle.agents.policies.policies import Decision
-from encircle.protocol.fields import COUNT_MAX, NUMBER_MAX, TEXT_MAX
-from encircle.protocol.messages import FAILED
+from encircle.protocol.messages import CommandMode
 from encircle.protocol.plugins import InvalidPluginResult, pair_of_m, shown
-from encircle.protocol.real_time import STOPPED
+from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, TEXT_MAX
 
 
 def validated(decision: Any) -> Decision:
@@ -21,7 +20,7 @@ def validated(decision: Any) -> Decision:
         )
     mode, step, goal, xi, point, predictor = decision
     _check_text("mode", mode)
-    if mode in (FAILED, STOPPED):
+    if mode in tuple(CommandMode):
         raise InvalidPluginResult(
             f"mode = {mode!r}: is kept for commands that no strategy has chosen"
         )

@@ -16,7 +16,7 @@ from encircle.protocol.connections import Connection
 from encircle.protocol.errors import ConnectionClosed, ProtocolError
 from encircle.protocol.keys import robot_key
 from encircle.protocol.mailbox import Mailbox, now_us
-from encircle.protocol.messages import Observation
+from encircle.protocol.messages import Observation, PoseCarrier
 
 
 def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
@@ -43,7 +43,7 @@ def answer(core: RobotCore, connection: Connection, first: tuple[str, bytes]) ->
     )
     reader.start()
     unsubscribe = None
-    if core.setup is not None and core.setup.radio == "direct":
+    if core.setup is not None and core.setup.radio == PoseCarrier.DIRECT:
         unsubscribe = connection.subscribe(robot_key(core.run, "*", "pose"), mail.put)
     stop_s = time.monotonic() + robot.observation_timeout_s
     try:

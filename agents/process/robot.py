@@ -20,6 +20,7 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.process import real_time
 from encircle.agents.process.status_lines import StatusLog
 from encircle.protocol.connections import Connection
+from encircle.protocol.endings import is_failure
 from encircle.protocol.errors import ConnectionClosed
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.plugins import PluginFailed, PluginLoadError
@@ -74,7 +75,7 @@ class _RobotRuns:
         gc.freeze()
         while True:
             self._answer_rounds(connection)
-            if self.core.ended is None or self.core.ended.startswith("failed") or not self.rejoins:
+            if self.core.ended is None or is_failure(self.core.ended) or not self.rejoins:
                 return
             self.completed += 1
             self._tell(f"run {self.core.run} ended: {self.core.ended}; staying for the next")
@@ -309,7 +310,7 @@ def _conclude(
     ended, failure = runs.core.ended, supervisor.failure
     reason = failure.result() if failure.done() else "the link was closed"
     if ended is not None:
-        failed = ended.startswith("failed")
+        failed = is_failure(ended)
         (say_always if failed and not runs.rejoins else tell)(f"run {runs.core.run} ended: {ended}")
         return int(failed)
     if runs.idle and not supervisor.interrupted:

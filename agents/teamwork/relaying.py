@@ -11,7 +11,8 @@ help others, and a study could not tell the two apart.
 from collections.abc import Mapping, Sequence
 
 from encircle.agents.estimation.kalman import Detection, Track
-from encircle.protocol.messages import RELAYED_MAX, Pose
+from encircle.protocol.messages import Pose
+from encircle.protocol.wire.limits import RELAYED_MAX
 
 Relayed = tuple[tuple[str, int, float, float], ...]
 

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from encircle.network.transport import visible
 from encircle.progress import PERIOD_S
+from encircle.protocol.endings import is_failure
 from encircle.protocol.process.log import printable
 from encircle.runner.hunts import Hunt
 from encircle.world.coordinator.result import Result
@@ -90,7 +91,7 @@ class Display:
     def _end(self, result: dict[str, Any]) -> None:
         """Say how the hunt ended; of one that failed, an error does."""
         self._stop()
-        if not result["ended"].startswith("failed"):
+        if not is_failure(result["ended"]):
             how = "captured" if result["captured"] else "not captured"
             took = timedelta(seconds=round(self._clock_s() - self._begun_s))
             near = _near(result["distances_m"])

@@ -19,8 +19,8 @@ from encircle.agents.brain.real_time_core import RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
 from encircle.protocol.keys import robot_key
-from encircle.protocol.messages import Command, Pose
-from encircle.protocol.real_time import ANSWERED, PASSED_OVER, STOPPED
+from encircle.protocol.messages import Command, CommandMode, Pose
+from encircle.protocol.real_time import Receipt, ReceiptKind
 from encircle.replay.replay_check import ReplayCheck, raise_failure
 from encircle.world.recording.recording import Recording, decoded
 
@@ -85,7 +85,7 @@ def _parts_of(
             packets[robot, pose.sequence] = payload
         else:
             command = decoded(Command, recording, tick, payload)
-            if command.mode != STOPPED:
+            if command.mode != CommandMode.STOP:
                 parts[robot].commands[tick] = command
     return parts, packets, foreign
 
@@ -123,27 +123,27 @@ class _RobotCheck:
             self.differences.append((first, self._robot, "setup"))
             return
         robot = RealTimeRobotCore(core)
-        for sender, number, arrival_us in self._heard(ticks):
-            if sender not in (ANSWERED, PASSED_OVER):
-                self._give_packet(robot, sender, number, arrival_us)
+        for receipt in self._receipts(ticks):
+            if receipt.kind is ReceiptKind.PACKET:
+                self._give_packet(robot, receipt)
                 continue
-            self._observe(robot, number)
-            if sender == ANSWERED:
-                self._decide(robot, number)
-                ticks = [tick for tick in ticks if tick != number]
+            self._observe(robot, receipt.number)
+            if receipt.kind is ReceiptKind.ANSWERED:
+                self._decide(robot, receipt.number)
+                ticks = [tick for tick in ticks if tick != receipt.number]
         if ticks:
             raise _NotRecorded(
                 f"what it had at tick {ticks[0]} is not recorded; not checked from there"
             )
 
-    def _heard(self, ticks: list[int]) -> list[tuple[str, int, int]]:
-        """What the robot has heard, in that order, by its commands of these ticks."""
-        heard: dict[tuple[str, int], int] = {}
+    def _receipts(self, ticks: list[int]) -> list[Receipt]:
+        """What the robot has received, in that order, by its commands of these ticks."""
+        receipts: dict[tuple[str, int], Receipt] = {}
         for tick in ticks:
             timing = self._part.commands[tick].timing
-            for sender, number, arrival_us in timing[2] if timing else ():
-                heard.setdefault((sender, number), arrival_us)
-        return [(sender, number, us) for (sender, number), us in heard.items()]
+            for receipt in timing.receipts if timing else ():
+                receipts.setdefault((receipt.source, receipt.number), receipt)
+        return list(receipts.values())
 
     def _observe(self, robot: RealTimeRobotCore, tick: int) -> None:
         observation = self._part.observations.get(tick)
@@ -151,16 +151,14 @@ class _RobotCheck:
             raise _NotRecorded(f"the observation of tick {tick} is not recorded")
         robot.take(0, robot_key(self._run, self._robot, "observation"), observation)
 
-    def _give_packet(
-        self, robot: RealTimeRobotCore, sender: str, number: int, arrival_us: int
-    ) -> None:
-        packet = self._packets.get((sender, number))
+    def _give_packet(self, robot: RealTimeRobotCore, receipt: Receipt) -> None:
+        packet = self._packets.get((receipt.source, receipt.number))
         if packet is None:
             raise _NotRecorded(
-                f"packet {number} of {sender}, which it heard, did not reach the world;"
-                " not checked from there"
+                f"packet {receipt.number} of {receipt.source}, which it heard, did not reach the"
+                " world; not checked from there"
             )
-        robot.take(arrival_us, robot_key(self._run, sender, "pose"), packet)
+        robot.take(receipt.arrival_us, robot_key(self._run, receipt.source, "pose"), packet)
 
     def _decide(self, robot: RealTimeRobotCore, tick: int) -> None:
         action = robot.decide()

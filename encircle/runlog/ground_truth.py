@@ -14,6 +14,7 @@ from math import dist, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from encircle.protocol.endings import EndReason
 from encircle.protocol.messages import Command, End, Point, State
 from encircle.world.arena.engine import Arena, build, initial, truth
 from encircle.world.arena.sensing import geometry, in_sight
@@ -74,7 +75,7 @@ class GroundTruth:
                 return text
             needed = min(self.scenario.capture_count, int((~self.lost[-1]).sum()))
             return f"{text} by {', '.join(self.captors)} ({needed} needed)"
-        if self.ended == "ticks":
+        if self.ended == EndReason.TICKS:
             return f"not captured in {tick} ticks ({tick * self.scenario.tick_s:.1f} s)"
         return self.ended or f"unfinished, the recording ends at tick {tick}"
 

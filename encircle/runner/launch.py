@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from encircle.protocol.endings import failure_of, is_failure
 from encircle.protocol.process.interrupts import signals_to
 from encircle.protocol.process.log import printable
 from encircle.protocol.process.tracebacks import TRACEBACK_IN
@@ -260,7 +261,7 @@ class _Launch:
 
     def stopped(self) -> RunFailed:
         """The error of a run that was interrupted."""
-        is_over = self.result is not None and not self.result["ended"].startswith("failed")
+        is_over = self.result is not None and not is_failure(self.result["ended"])
         when = f"at tick {self.tick}" if self.begun else "before the run began"
         when += ", which was its end" if is_over else ""
         return RunFailed(f"stopped by {self.interrupted} {when}", self.begun and not is_over)
@@ -302,14 +303,13 @@ class _Launch:
         distances_m = tuple(self.result.pop("distances_m"))
         departures = tuple((t, robot, what) for t, robot, what in self.result.pop("departures"))
         result = Result(distances_m=distances_m, departures=departures, **self.result)
-        if result.ended.startswith("failed"):
-            if failure := self._failure_of_plugins(result.ended.removeprefix("failed: ")):
+        if (reason := failure_of(result.ended)) is not None:
+            if failure := self._failure_of_plugins(reason):
                 # Its world waits where it was, but the same would happen again.
                 raise RunFailed(failure)
             if not self.begun and self.failed and self.failed[0] != "world":
                 # The world can only say that it was stopped, or who did not come.
                 raise RunFailed(self._first_failure())
-            reason = result.ended.removeprefix("failed: ")
             how = [
                 f" ({_ending(p.returncode)})"
                 for name, p in self.processes.items()

@@ -19,9 +19,9 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
 
+from encircle.protocol.endings import failure_of
 from encircle.protocol.errors import ConnectionClosed
 from encircle.protocol.keys import robot_key, world_key
-from encircle.protocol.messages import FAILED_PREFIX
 from encircle.protocol.plugins import PluginFailed
 from encircle.protocol.process.interrupts import check, is_signal_held
 from encircle.protocol.process.log import bounded_log
@@ -186,8 +186,8 @@ class Session:
             check()
             raise StudyFailed(self._failure or "the link was closed")
         self._core = None
-        if core.ended.startswith(FAILED_PREFIX):
-            raise HuntFailed(core.ended.removeprefix(FAILED_PREFIX))
+        if (failure := failure_of(core.ended)) is not None:
+            raise HuntFailed(failure)
         digest = core.result().digest
         return log_of_messages(arena.scenario, arena.seed, self._run, messages), digest
 

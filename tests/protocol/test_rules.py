@@ -23,8 +23,8 @@ from encircle.agents.brain.real_time_core import RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import BYTES_MAX, decode, encode
 from encircle.protocol.keys import robot_key, world_key
-from encircle.protocol.messages import CAUSE_CODE_MAX, REASON_MAX, Command, End, Observation, Setup
-from encircle.protocol.real_time import STOPPED
+from encircle.protocol.messages import CAUSE_CODE_MAX, Command, End, Observation, Setup
+from encircle.protocol.wire.limits import REASON_MAX
 from encircle.world.arena.engine import build
 from encircle.world.channel.loss_causes import CAUSES
 from encircle.world.coordinator.real_time_core import RealTimeWorldCore
@@ -300,7 +300,7 @@ SAYING = [
 
 
 def stopping(draws: random.Random, **changes: Any) -> Command:
-    still = command("r1", 1, mode=STOPPED, published=False, timing=(1, 2, ()))
+    still = command("r1", 1, mode="stop", published=False, timing=(1, 2, ()))
     return replace(still, **changes)
 
 

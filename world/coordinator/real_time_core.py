@@ -22,8 +22,7 @@ from encircle.protocol.codec import decode, decode_pose
 from encircle.protocol.errors import OutOfTurn
 from encircle.protocol.keys import robot_key
 from encircle.protocol.lockstep import Move, Phase
-from encircle.protocol.messages import Command, Observation, Pose, Radio
-from encircle.protocol.real_time import STOPPED
+from encircle.protocol.messages import Command, CommandMode, Observation, Pose, Radio
 from encircle.world.arena.engine import Arena
 from encircle.world.coordinator.deadlines import ZERO_STEP, HeldCommand, step_at
 from encircle.world.coordinator.world_core import Outgoing, Record, WorldCore, _Answer
@@ -242,7 +241,7 @@ class RealTimeWorldCore(WorldCore):
         robot, tick = command.robot, command.tick
         self._check_turn(robot, tick, "command")
         known = self._held.get(robot)
-        stops = command.mode == STOPPED
+        stops = command.mode == CommandMode.STOP
         again = stops and command.step == ZERO_STEP and not command.published
         if known is not None and (tick < known.tick or (tick == known.tick and not again)):
             raise OutOfTurn(f"command of {robot} for tick {tick} after that for {known.tick}")

@@ -27,6 +27,7 @@ from encircle.protocol.codec import (
     encode,
     encode_any_length,
 )
+from encircle.protocol.endings import EndReason, failure_reason
 from encircle.protocol.errors import (
     MalformedMessage,
     OutOfTurn,
@@ -37,18 +38,18 @@ from encircle.protocol.errors import (
 from encircle.protocol.keys import parse_key, robot_key, world_key
 from encircle.protocol.lockstep import LockStep, Move
 from encircle.protocol.messages import (
-    FAILED,
-    FAILED_PREFIX,
-    REASON_MAX,
     Command,
+    CommandMode,
     End,
     Observation,
     Point,
     Pose,
+    PoseCarrier,
     Radio,
     Setup,
 )
 from encircle.protocol.plugins import PluginFailed
+from encircle.protocol.wire.limits import REASON_MAX
 from encircle.world.arena import engine
 from encircle.world.channel import channel as radio
 from encircle.world.coordinator.journal import Journal, Outgoing, Record
@@ -155,7 +156,7 @@ class WorldCore:
             scenario.tick_s,
             scenario.team.strategy,
             scenario.parameters,
-            scenario.radio,
+            PoseCarrier(scenario.radio),
             tick,
             tick,
         )
@@ -220,7 +221,8 @@ class WorldCore:
                 return []
         state = self.state
         if state.captured or state.tick >= self.arena.scenario.ticks_max:
-            self.ended = "captured" if state.captured else "ticks"
+            reason = EndReason.CAPTURED if state.captured else EndReason.TICKS
+            self.ended = reason.value
             self._note_state(self._end_messages() if self.record else [])
             return []
         self.setups = [self._setup(robot) for robot in self.members.open_round(state.tick)]
@@ -246,7 +248,7 @@ class WorldCore:
     def fail(self, reason: str) -> Outgoing:
         """End the run as failed; returns the messages that tell the robots."""
         if self.ended is None:
-            self.ended = f"{FAILED_PREFIX}{reason}"
+            self.ended = failure_reason(reason)
         return self._end_messages()
 
     def give_up(self, error: PluginFailed) -> None:
@@ -279,7 +281,7 @@ class WorldCore:
             _check_sender(robot, command)
             self._check_clock("timing", command.timing)
             self._take_command(command, payload)
-            if command.mode == FAILED:
+            if command.mode == CommandMode.FAILED:
                 # Only where it happened can it be said how.
                 self.fail(f"robot {robot} has failed at tick {command.tick}, and says itself how")
         else:

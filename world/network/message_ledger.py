@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from encircle.protocol.clocks import Exchange
-from encircle.protocol.messages import Command, Pose, Radio
-from encircle.protocol.real_time import ANSWERED, MISSED, PASSED_OVER, STOPPED
+from encircle.protocol.messages import Command, CommandMode, Pose, Radio
+from encircle.protocol.real_time import ReceiptKind, ReceptionCount
 from encircle.world.channel.loss_causes import CAUSES
 
 ROWS_MAX = 1_000_000
@@ -85,29 +85,32 @@ class MessageLedger:
         participation = self._participation_at(command.robot, command.tick)
         if participation is None or command.timing is None or self._is_full(command.tick):
             return
-        received_us, answered_us, receipts = command.timing
-        for sender, number, time_us in receipts:
-            about_world = sender in (ANSWERED, PASSED_OVER)
-            known = (
-                participation.arrived_us
-                if about_world
-                else participation.heard.setdefault(sender, {})
+        timing = command.timing
+        for receipt in timing.receipts:
+            is_packet = receipt.kind is ReceiptKind.PACKET
+            arrivals_us = (
+                participation.heard.setdefault(receipt.source, {})
+                if is_packet
+                else participation.arrived_us
             )
-            if number not in known:
-                known[number] = time_us
+            if receipt.number not in arrivals_us:
+                arrivals_us[receipt.number] = receipt.arrival_us
                 self._rows_left -= 1
-            if about_world:
-                participation.known_tick = max(participation.known_tick, number)
-        if command.mode == STOPPED:
+            if not is_packet:
+                participation.known_tick = max(participation.known_tick, receipt.number)
+        if command.mode == CommandMode.STOP:
             return
         participation.last_tick = command.tick
         participation.passed_over, participation.missed = (
-            command.refused.get(x, 0) for x in (PASSED_OVER, MISSED)
+            command.refused.get(name, 0)
+            for name in (ReceptionCount.PASSED_OVER, ReceptionCount.MISSED)
         )
         participation.commands += 1
         asked_us = participation.asked_us.get(command.tick)
         if asked_us is not None:
-            participation.exchanges.append(Exchange(asked_us, received_us, answered_us, arrival_us))
+            participation.exchanges.append(
+                Exchange(asked_us, timing.observation_us, timing.sent_us, arrival_us)
+            )
         self._rows_left -= 1
 
     def packet(self, pose: Pose, arrival_us: int) -> None:

@@ -13,8 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from encircle.protocol.endings import failure_of, failure_reason, is_failure
 from encircle.protocol.keys import robot_key, world_key
-from encircle.protocol.messages import FAILED_PREFIX
 from encircle.protocol.process.interrupts import signals_to
 from encircle.protocol.process.log import say_error
 from encircle.protocol.process.tracebacks import failure_line
@@ -108,7 +108,7 @@ def _finish(server: Server, ended: str, out: Path | None, recorder: Recorder | N
     """Finish the recording, write the summary, and tell what came of the run; the exit status."""
     core = server.core
     if core.plugin_failure is not None:
-        ended = f"{FAILED_PREFIX}{failure_line(core.plugin_failure, out)}"
+        ended = failure_reason(failure_line(core.plugin_failure, out))
     result = replace(core.result(), ended=ended)
     extra: dict[str, Any] = {
         "rounds_s": server.rounds_s,
@@ -126,11 +126,11 @@ def _finish(server: Server, ended: str, out: Path | None, recorder: Recorder | N
             with contextlib.closing(recorder):
                 write_summary(out, core.arena.scenario, result, core.run, extra | transport)
         except RecordingStopped as error:
-            if not ended.startswith(FAILED_PREFIX):
-                result = replace(result, ended=f"{FAILED_PREFIX}{error}")
+            if not is_failure(ended):
+                result = replace(result, ended=failure_reason(str(error)))
     server.report({"result": asdict(result) | extra})
-    if result.ended.startswith(FAILED_PREFIX):
-        say_error(f"world: {result.ended.removeprefix(FAILED_PREFIX)}")
+    if (failure := failure_of(result.ended)) is not None:
+        say_error(f"world: {failure}")
         return 1
     if not server.options.parent:
         how = "captured" if result.captured else "not captured"

@@ -11,11 +11,14 @@ from encircle.agents.brain.real_time_core import BACKLOG_MAX, RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import robot_key
-from encircle.protocol.messages import HEARD_MAX, Command, Observation, Pose, Setup
-from encircle.protocol.real_time import ANSWERED, MISSED, OVERHEARD, PASSED_OVER, STOPPED
+from encircle.protocol.messages import Command, Observation, Pose, Setup
+from encircle.protocol.wire.limits import RECEIPTS_MAX
 
 RUN = "clocked"
-UNACKNOWLEDGED_MAX = 2 * HEARD_MAX
+# The words of the wire, as docs/protocol.md has them.
+ANSWERED, PASSED_OVER, MISSED, OVERHEARD = "world", "passed-over", "missed", "overheard"
+STOPPED = "stop"
+UNACKNOWLEDGED_MAX = 2 * RECEIPTS_MAX
 TEAM = ("r1", "r2", "r3")
 SETUP = Setup("r1", TEAM, 0.02, "xi-star", BODIES, "direct")
 
@@ -141,7 +144,7 @@ def test_whatever_is_lost_what_has_come_tells_of_all_that_was_heard_before(round
             number += 1
         tell(core, observation(tick, answered=has if news_comes else None), arrival_us=tick)
         heard.append((ANSWERED, tick, tick))
-        told = answered(core)[0].timing[2]
+        told = answered(core)[0].timing.receipts
         assert len(told) <= room
         if command_comes:
             has = tick
@@ -187,19 +190,19 @@ def test_packets_that_cannot_be_are_refused_and_counted(pose, key, cause):
     tell(core, observation(1))
     command, _ = answered(core)
     assert command.refused == {cause: 1, "malformed": 1}
-    assert command.timing[2] == ((ANSWERED, 1, 50),)
+    assert command.timing.receipts == ((ANSWERED, 1, 50),)
     assert command.team == ("r1",)
 
 
 def test_more_packets_than_a_command_can_tell_of_wait_for_the_next():
     core = robot()
-    for number in range(HEARD_MAX + 5):
+    for number in range(RECEIPTS_MAX + 5):
         hear(core, packet("r2", number, 0))
     told = []
     for tick in (1, 2):
         tell(core, observation(tick, answered=tick - 1))
-        told.append([number for _, number, _ in answered(core)[0].timing[2]])
-    assert told == [list(range(HEARD_MAX)), [*range(HEARD_MAX, HEARD_MAX + 5), 1, 2]]
+        told.append([number for _, number, _ in answered(core)[0].timing.receipts])
+    assert told == [list(range(RECEIPTS_MAX)), [*range(RECEIPTS_MAX, RECEIPTS_MAX + 5), 1, 2]]
 
 
 def test_as_long_as_there_is_no_room_to_tell_nothing_more_is_heard_or_answered(monkeypatch):
@@ -217,7 +220,7 @@ def test_as_long_as_there_is_no_room_to_tell_nothing_more_is_heard_or_answered(m
         assert core.decide() is None
     tell(core, observation(later.stop, answered=UNACKNOWLEDGED_MAX - 1))
     command, _ = answered(core)
-    assert command.timing[2][0] == (ANSWERED, HEARD_MAX, 50)
+    assert command.timing.receipts[0] == (ANSWERED, RECEIPTS_MAX, 50)
     assert command.refused == {MISSED: len(later)}
 
 
@@ -232,7 +235,7 @@ def test_however_long_its_peers_names_are_a_command_is_short_enough():
             hear(timed, packet(name, number, 0), arrival_us=2**53 - 1)
     seen = replace(observation(1), robot=names[0])
     timed.take(1, robot_key(RUN, names[0], "observation"), encode(seen, RUN))
-    assert len(answered(timed, 2**53 - 1)[0].timing[2]) > 50
+    assert len(answered(timed, 2**53 - 1)[0].timing.receipts) > 50
 
 
 def test_a_flood_of_packets_is_bounded_and_counted():

@@ -17,8 +17,9 @@ from encircle.agents.estimation import kalman
 from encircle.agents.teamwork.relaying import detections_to_relay, relayed_detections
 from encircle.protocol.codec import decode_pose, encode
 from encircle.protocol.keys import robot_key
-from encircle.protocol.messages import RELAYED_MAX, Setup
+from encircle.protocol.messages import Setup
 from encircle.protocol.parameters import Parameters
+from encircle.protocol.wire.limits import RELAYED_MAX
 
 CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
 RUN = "g1"

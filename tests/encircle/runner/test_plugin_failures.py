@@ -19,7 +19,7 @@ from encircle.agents.policies.decision_check import validated
 from encircle.agents.policies.policies import Decision, policy_named
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import robot_key
-from encircle.protocol.messages import FAILED, Command, Setup
+from encircle.protocol.messages import Command, CommandMode, Setup
 from encircle.protocol.plugins import InvalidPluginResult, PluginFailed
 from encircle.replay.replaying import replay
 from encircle.runner.launch import RunFailed, free_endpoint
@@ -365,7 +365,7 @@ def test_a_robot_that_has_failed_says_so_whatever_it_is_asked_until_it_is_set_up
         return [decode(Command, payload, "run").mode for key, payload in answer if "command" in key]
 
     set_up("raises")
-    assert [asked(0), asked(1), asked(1)] == [[FAILED]] * 3
+    assert [asked(0), asked(1), asked(1)] == [[CommandMode.FAILED]] * 3
     assert len(told) == 1
     set_up("pursuit")
     assert asked(0) == ["pursue"]
@@ -379,7 +379,7 @@ def test_only_who_is_asked_can_fail_a_run():
     world.begin()
 
     def failed(robot, tick):
-        said = Command(robot, tick, (0.0, 0.0), FAILED, *[None] * 5, (), False)
+        said = Command(robot, tick, (0.0, 0.0), CommandMode.FAILED, *[None] * 5, (), False)
         return world.receive(robot_key("run", robot, "command"), encode(said, "run"))
 
     assert failed("r1", 1) == failed("r9", 0) == []

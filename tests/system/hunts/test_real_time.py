@@ -21,8 +21,8 @@ from encircle.protocol import mailbox
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.connections import MemoryHub
 from encircle.protocol.keys import robot_key
-from encircle.protocol.messages import Command, End, Observation, Setup
-from encircle.protocol.real_time import PASSED_OVER, STOPPED
+from encircle.protocol.messages import Command, CommandMode, End, Observation, Setup
+from encircle.protocol.real_time import ReceptionCount
 from encircle.replay.replaying import replay
 from encircle.runner.launch import free_endpoint
 from encircle.world.recording.recording import read_recording
@@ -106,7 +106,7 @@ def test_a_frozen_robot_is_held_then_stands_still_and_goes_on(tmp_path):
         for _, robot, payload in recording.of_channel("command")
         if robot == "r2"
     ]
-    assert commands[-1].refused[PASSED_OVER] >= 10
+    assert commands[-1].refused[ReceptionCount.PASSED_OVER] >= 10
     assert commands[-1].tick > woken[0]
     assert ledger_of(recording).participations["r2"][-1].missed == 0
 
@@ -177,13 +177,13 @@ def test_a_robot_that_hears_its_peers_but_not_the_world_stands_still():
             key, payload = robot.world.receive()
             if key.endswith("/command"):
                 modes.append(decode(Command, payload, RUN).mode)
-        return STOPPED in modes
+        return CommandMode.STOP in modes
 
     until(stopped, "the robot to stand still")
     robot.end()
     joined(robot.thread)
-    assert modes.count(STOPPED) == 1
-    assert modes[-1] == STOPPED
+    assert modes.count(CommandMode.STOP) == 1
+    assert modes[-1] == CommandMode.STOP
 
 
 def test_the_end_is_heard_even_where_there_is_no_room(monkeypatch):

@@ -8,7 +8,6 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import Observation, Setup
-from encircle.protocol.real_time import STOPPED
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.real_time_core import RealTimeWorldCore, has_perfect_channel
 
@@ -90,7 +89,7 @@ def test_an_order_to_stand_still_ends_the_holding():
     core = world()
     commanded(core, "r2", 0)
     assert moved(core, "r2") == 0.125
-    commanded(core, "r2", 0, (0.0, 0.0), mode=STOPPED, published=False)
+    commanded(core, "r2", 0, (0.0, 0.0), mode="stop", published=False)
     assert moved(core, "r2") == 0.0
     assert core.summary()["r2"]["late"] == 0
 

@@ -32,6 +32,19 @@ KEYWORDS = {
     "maxItems": int,
     "anyOf": list,
     "contentEncoding": str,
+    "description": str,
+    "enum": list,
+    "maxLength": int,
+    "minimum": (int, float),
+    "maximum": (int, float),
+    "exclusiveMinimum": (int, float),
+    "exclusiveMaximum": (int, float),
+}
+NUMBERS_BEYOND = {
+    "minimum": lambda x, limit: x < limit,
+    "maximum": lambda x, limit: x > limit,
+    "exclusiveMinimum": lambda x, limit: x <= limit,
+    "exclusiveMaximum": lambda x, limit: x >= limit,
 }
 
 
@@ -60,6 +73,13 @@ def faults(schema, value, place="$"):
     wrong_kind = isinstance(value, bool) and "boolean" not in types
     if types and (wrong_kind or not isinstance(value, tuple(TYPES[t] for t in types))):
         return [*found, f"{place}: {value!r} is no {types}"]
+    if "enum" in schema and value not in schema["enum"]:
+        found.append(f"{place}: {value!r} is not one of the choices")
+    if isinstance(value, str) and len(value) > schema.get("maxLength", 10**9):
+        found.append(f"{place}: {len(value)} characters")
+    if isinstance(value, int | float):
+        limits = [(k, is_beyond) for k, is_beyond in NUMBERS_BEYOND.items() if k in schema]
+        found += [f"{place}: {k}" for k, is_beyond in limits if is_beyond(value, schema[k])]
     if isinstance(value, dict):
         known, more = schema.get("properties", {}), schema.get("additionalProperties", True)
         found += [f"{place}: lacks {n}" for n in schema.get("required", []) if n not in value]
@@ -128,3 +148,34 @@ def test_a_message_with_a_field_too_few_too_many_or_of_a_wrong_type_is_not(messa
     for name in body:
         assert faults(schema, {n: v for n, v in body.items() if n != name})
         assert faults(schema, body | {name: {"no": {}}}) or name == "parameters"
+
+
+def test_a_field_is_described_in_plain_text_with_its_unit():
+    described = json_schema("setup")["properties"]
+    assert described["tick_s"]["description"] == "length of a tick (s)"
+    assert described["answer_tick"]["description"] == (
+        "the first tick to be answered; see Leaving and coming back"
+    )
+
+
+@pytest.mark.parametrize(
+    ("channel", "field", "value"),
+    [
+        ("setup", "tick_s", 0.0),
+        ("setup", "radio", "wifi"),
+        ("observation", "tick", -1),
+        ("observation", "heading_rad", 3.2),
+        ("observation", "scan", [1.0] * 7),
+        ("observation", "scan", [1.0] * 361),
+        ("observation", "seen", [["r2", 1.0]]),
+        ("pose", "mode", "x" * 257),
+        ("pose", "position", [1e9, 0.0]),
+        ("pose", "relayed", [["r2", 1, 1.0, 2.0]] * 17),
+        ("command", "timing", [1, 2, [["r2", 1, -1]]]),
+        ("end", "reason", "failed: " + "x" * 193),
+    ],
+)
+def test_a_value_beyond_the_limits_of_its_field_is_not(messages, channel, field, value):
+    body = messages[channel][0]
+    assert faults(json_schema(channel), body) == []
+    assert faults(json_schema(channel), body | {field: value})

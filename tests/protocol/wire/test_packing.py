@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from encircle.protocol.packing import DuplicateName, bytes_in_list, check_names, map_size
+from encircle.protocol.wire.packing import DuplicateName, bytes_in_list, check_names, map_size
 
 CHEAP = settings(deadline=None, derandomize=True, max_examples=100)
 values = st.recursive(

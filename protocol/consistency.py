@@ -1,0 +1,47 @@
+"""What fields that are each right for themselves have wrong together."""
+
+from collections.abc import Callable
+from typing import Any
+
+from encircle.protocol.messages import CAUSE_CODE_MAX, Radio, Setup, State
+
+
+def problem_of(message: Any) -> str | None:
+    """What the fields of a message have wrong together; None if nothing."""
+    check = _CHECKS.get(type(message))
+    return None if check is None else check(message)
+
+
+def _problem_of_setup(setup: Setup) -> str | None:
+    if setup.answer_tick >= setup.first_tick:
+        return None
+    return f"answer_tick is {setup.answer_tick}, must be first_tick ({setup.first_tick}) or later"
+
+
+def _problem_of_state(state: State) -> str | None:
+    count, headings = len(state.robots), len(state.headings_rad)
+    return None if count == headings else f"headings_rad has {headings} for {count} robots"
+
+
+def _problem_of_radio(radio: Radio) -> str | None:
+    """Squares of one size; delivery is after sending; only what was sent is copied."""
+    count, tick = len(radio.fates), radio.tick
+    for name, table in (("fates", radio.fates), ("copies", radio.copies)):
+        if table == () and name == "copies":
+            continue
+        if [len(row) for row in table] != [count] * count or any(table[k][k] for k in range(count)):
+            return f"{name} must be {count} rows of {count}, 0 from a robot to itself"
+        lowest = 0 if name == "copies" else -CAUSE_CODE_MAX
+        if not all(lowest <= fate <= 0 or fate > tick for row in table for fate in row):
+            return f"{name} must be ticks after {tick}, or {lowest} to 0"
+    for fates, copies in zip(radio.fates, radio.copies, strict=False):
+        if any(copy and not fate for fate, copy in zip(fates, copies, strict=True)):
+            return "copies of a packet that was not sent"
+    return None
+
+
+_CHECKS: dict[type[Any], Callable[[Any], str | None]] = {
+    Setup: _problem_of_setup,
+    State: _problem_of_state,
+    Radio: _problem_of_radio,
+}

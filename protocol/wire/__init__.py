@@ -1,0 +1,1 @@
+"""What a message field is made of: limits, checks of values, types on the wire, declarations."""
