@@ -8,7 +8,7 @@ from encircle.protocol.process.interrupts import Interrupted
 from encircle.protocol.process.log import say, say_error
 from encircle.protocol.programs.option_values import one_of, whole_number_in
 from encircle.protocol.programs.options import Options
-from encircle.runner.hunts import LINKS
+from encircle.runner.links import LINKS
 
 WORKERS_MAX = 1024
 

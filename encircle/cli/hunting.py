@@ -17,7 +17,6 @@ from encircle.runner.launch import RunFailed, Timeouts
 from encircle.world.loading.files import shipped
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import ScenarioRemark, remarks_on
-from encircle.world.recording.resuming import read_last
 from encircle.world.recording.run_directory import RECORDING, SUMMARY
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
@@ -84,6 +83,9 @@ def hunt_and_draw(request: HuntRequest, as_json: bool) -> None:
         scenario = _load(request)
         directory = request.out or default_directory(request.scenario, scenario.seed)
     else:
+        # Imported late: it rebuilds a world, which only a run in memory needs as well.
+        from encircle.world.recording.resuming import read_last
+
         scenario, directory = read_last(request.resume).scenario, request.resume
     check_link(scenario, request.link)
     for remark in remarks_on(scenario):

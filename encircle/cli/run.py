@@ -5,8 +5,7 @@ from pathlib import Path
 
 from encircle.protocol.programs.option_values import one_of, seconds, whole_number
 from encircle.protocol.programs.options import Options, variable_of
-from encircle.runner.hunts import LINKS
-from encircle.runner.launch import TIMEOUTS, Timeouts
+from encircle.runner.links import LINKS
 from encircle.world.coordinator.result import GO_ON, WHEN_LOST
 
 
@@ -21,8 +20,14 @@ def main(arguments: Sequence[str], program: str) -> int:
         options.error(
             "--resume goes with neither a scenario nor --seed, --set or --out: the run has its own"
         )
+    if settings.link == "zenoh":
+        from encircle.runner.nodes import fork_server
+
+        # What the nodes need is imported there while this process imports what it needs itself.
+        fork_server()
     # Imported late: a mistyped command need not wait for the display.
     from encircle.cli.hunting import HuntRequest, hunt_and_draw
+    from encircle.runner.launch import TIMEOUTS, Timeouts
 
     seed = [] if settings.seed is None else [f"seed={settings.seed}"]
     timeouts = Timeouts(

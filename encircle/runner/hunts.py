@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from encircle.protocol.process.interrupts import check, signals_held
 from encircle.protocol.process.log import bounded_log
 from encircle.protocol.process.tracebacks import failure_line
+from encircle.runner.links import LINKS
 from encircle.world.coordinator.result import GO_ON, WHEN_LOST, Result
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import ScenarioRemark, remarks_on
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from encircle.world.coordinator.world_core import WorldCore
     from encircle.world.recording.resuming import Resumed
 
-LINKS = ("zenoh", "memory")
 PROGRESS_PERIOD_S = 0.1
 
 

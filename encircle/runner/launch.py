@@ -1,9 +1,10 @@
 """A hunt as operating-system processes: one world, one robot each, over Zenoh on loopback.
 
-The launcher starts them, follows the world's reports, and sees to it that none is left behind: it
-ends what it started by process, whatever happened, and the world ends by itself when the launcher
-is gone (its standard input closes), the robots when the world is. A robot that dies in mid-run is
-the world's affair; nothing is started anew.
+The launcher has them forked (``encircle.runner.nodes``), follows the world's reports, and sees to
+it that none is left behind: it ends what it started by process, whatever happened. The world ends
+by itself when the launcher is gone (its standard input closes), the robots when the world is, and
+the fork server with the launcher. A robot that dies in mid-run is the world's affair; nothing is
+started anew.
 """
 
 import asyncio
@@ -11,9 +12,9 @@ import json
 import os
 import signal
 import socket
-import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from encircle.protocol.process.interrupts import signals_to
 from encircle.protocol.process.log import printable
 from encircle.protocol.process.tracebacks import TRACEBACK_IN
 from encircle.protocol.programs.options import without_settings
+from encircle.runner.nodes import Node, NodesLost, fork_server
 from encircle.world.coordinator.result import Result
 from encircle.world.scenario.errors import ScenarioError
 
@@ -30,8 +32,6 @@ STOP_S_MAX = 3.0
 SILENCE_S_MAX = 6.0
 FAILURE_GRACE_S = 1.0
 BAD_CONFIGURATION = 2
-ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-"""A robot's matrices are tiny; a pool of idle threads in every process only costs memory."""
 OUTPUT_LINE_BYTES_MAX = 1024 * 1024
 ERROR_LINES_MAX = 200
 
@@ -91,7 +91,10 @@ def run_processes(
     """
     launch = _Launch(run, robots, report, directory, timeouts or TIMEOUTS)
     with signals_to(launch.interrupt):
-        found = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
+        try:
+            found = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
+        except NodesLost as error:
+            raise RunFailed(str(error)) from None
     if launch.interrupted or found is None:
         raise launch.stopped()
     return found
@@ -112,7 +115,12 @@ class _Launch:
         self.report = report
         self.timeouts = timeouts
         self.endpoint = free_endpoint()
-        self.processes: dict[str, asyncio.subprocess.Process] = {}
+        self.processes: dict[str, Node] = {}
+        self._environment = without_settings(os.environ)
+        self._server = fork_server(self._environment)
+        self._pipes = ExitStack()
+        self._errors: dict[str, asyncio.StreamReader] = {}
+        self._reports: asyncio.StreamReader | None = None
         self.result: dict[str, Any] | None = None
         self.tick = 0
         self.errors: dict[str, list[str]] = {}
@@ -138,49 +146,53 @@ class _Launch:
                 await self._follow()
         finally:
             await self._stop_all()
+            self._pipes.close()
         return None if self.interrupted else self._outcome()
 
     async def _start(self, name: str, world_arguments: Sequence[str]) -> None:
-        robot_options = (
-            [
-                *(
-                    "encircle.world",
-                    *world_arguments,
-                    "--listen",
-                    self.endpoint,
-                    "--parent",
-                    "--json",
-                ),
-                *("--answer-timeout", f"{self.timeouts.answer_s_max}"),
-            ]
-            if name == "world"
-            else [
-                "encircle.agents",
-                name,
-                "--connect",
-                self.endpoint,
-                "--quiet",
-                *self.robot_options,
-            ]
+        if name == "world":
+            program = "encircle.world"
+            options = [*world_arguments, "--listen", self.endpoint, "--parent", "--json"]
+            options += ["--answer-timeout", f"{self.timeouts.answer_s_max}"]
+        else:
+            program = "encircle.agents"
+            options = [name, "--connect", self.endpoint, "--quiet", *self.robot_options]
+        options += ["--run", self.name, "--join-timeout", f"{self.timeouts.join_s_max}"]
+        with ExitStack() as theirs:
+            nothing = theirs.enter_context(open(os.devnull, "r+b", buffering=0)).fileno()
+            errors, self._errors[name] = await self._output(theirs)
+            streams = (nothing, nothing, errors)
+            if name == "world":
+                output, self._reports = await self._output(theirs)
+                streams = (self._input(theirs), output, errors)
+            start = self._server.start(program, options, streams, self._environment)
+            self.processes[name] = await asyncio.wrap_future(start)
+
+    def _input(self, theirs: ExitStack) -> int:
+        """A pipe's end for reading; the other one is this process's, as long as the run lasts."""
+        read, write = os.pipe()
+        self._pipes.callback(os.close, write)
+        theirs.callback(os.close, read)
+        return read
+
+    async def _output(self, theirs: ExitStack) -> tuple[int, asyncio.StreamReader]:
+        """A pipe's end for writing, and what is read at the other one."""
+        read, write = os.pipe()
+        theirs.callback(os.close, write)
+        assert self._loop is not None
+        reader = asyncio.StreamReader(limit=OUTPUT_LINE_BYTES_MAX)
+        file = open(read, "rb", buffering=0)  # noqa: SIM115  # the transport closes it
+        transport, _ = await self._loop.connect_read_pipe(
+            lambda: asyncio.StreamReaderProtocol(reader), file
         )
-        pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
-        self.processes[name] = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", *robot_options, "--run", self.name),
-            *("--join-timeout", f"{self.timeouts.join_s_max}"),
-            stdin=pipe if name == "world" else none,
-            stdout=pipe if name == "world" else none,
-            stderr=pipe,
-            limit=OUTPUT_LINE_BYTES_MAX,
-            env=without_settings(os.environ) | ONE_THREAD,
-            # Ctrl-C in a terminal reaches the launcher alone, which then ends the run in order.
-            start_new_session=True,
-        )
+        self._pipes.callback(transport.close)
+        return write, reader
 
     async def _follow(self) -> None:
         """Read what the processes say until all have ended, or one has failed for a while."""
-        readers = [asyncio.create_task(self._read_errors(n, p)) for n, p in self.processes.items()]
+        readers = [asyncio.create_task(self._read_errors(name)) for name in self.processes]
         readers.append(asyncio.create_task(self._read_reports()))
-        waiting = {asyncio.create_task(p.wait()) for p in self.processes.values()}
+        waiting = {asyncio.wrap_future(p.ended) for p in self.processes.values()}
         while waiting and not self.silent:
             # The robots end when the world has told them to; what has not ended some seconds
             # after it never will. Before the run has begun, it cannot do without any robot.
@@ -236,9 +248,8 @@ class _Launch:
             self.report({"log": self._robot_ending(name)})
 
     async def _read_reports(self) -> None:
-        stream = self.processes["world"].stdout
-        assert stream is not None
-        async for line in stream:
+        assert self._reports is not None
+        async for line in self._reports:
             report = json.loads(line)
             self.last_report_s = time.monotonic()
             self.result = report.get("result", self.result)
@@ -248,11 +259,9 @@ class _Launch:
             self.tick = report.get("tick", self.tick)
             self.report(report)
 
-    async def _read_errors(self, name: str, process: asyncio.subprocess.Process) -> None:
-        stream = process.stderr
-        assert stream is not None
+    async def _read_errors(self, name: str) -> None:
         kept = self.errors.setdefault(name, [])
-        async for line in stream:
+        async for line in self._errors[name]:
             text = printable(line.decode(errors="replace").rstrip())
             if len(kept) < ERROR_LINES_MAX:
                 kept.append(text)
@@ -289,8 +298,7 @@ class _Launch:
             for process in living:
                 getattr(process, end)()
             if living:
-                waits = [asyncio.create_task(process.wait()) for process in living]
-                await asyncio.wait(waits, timeout=s_max)
+                await asyncio.wait([asyncio.wrap_future(p.ended) for p in living], timeout=s_max)
 
     def _outcome(self) -> tuple[Result, dict[str, Any]]:
         """The result, or ``RunFailed`` with the one line that says what happened first."""

@@ -10,14 +10,11 @@ import contextlib
 import json
 import os
 import secrets
-import subprocess
-import sys
 import threading
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack
-from typing import Any
 
 from encircle.protocol.endings import failure_of
 from encircle.protocol.errors import ConnectionClosed
@@ -31,7 +28,8 @@ from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.runlog.recorded_log import log_of_messages
 from encircle.runlog.runlog import RunLog
 from encircle.runner import launch
-from encircle.runner.launch import ONE_THREAD, STOP_S_MAX, Timeouts, free_endpoint
+from encircle.runner.launch import STOP_S_MAX, Timeouts, free_endpoint
+from encircle.runner.nodes import Node, NodesLost, fork_server
 from encircle.studies.plan import Plan
 from encircle.studies.sources import versions
 from encircle.studies.tasks import FAILED, Row, Task, failed_row, row, run_seed
@@ -45,6 +43,7 @@ from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
 WATCH_PERIOD_S = 0.1
+STANDARD_ERROR = 2
 Messages = list[tuple[int, str, bytes]]
 
 
@@ -100,7 +99,7 @@ class Session:
         self._robots = tuple(robots)
         self._run = f"study-{secrets.token_hex(6)}"
         self._endpoint = free_endpoint()
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._processes: dict[str, Node] = {}
         self._alive: set[str] = set()
         self._failure = ""
         self._all_joined = threading.Event()
@@ -126,22 +125,26 @@ class Session:
         self._connection.declare_alive(world_key(self._run, "alive"))
         s_max = self._patience.join_s_max
         options = ("--run", self._run, "--stay", "--quiet", "--join-timeout", f"{s_max}")
-        for robot in self._robots:
-            self._processes[robot] = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-m",
+        environment = without_settings(os.environ)
+        server = fork_server(environment)
+        with open(os.devnull, "r+b", buffering=0) as nothing:
+            streams = (nothing.fileno(), nothing.fileno(), STANDARD_ERROR)
+            starts = {
+                robot: server.start(
                     "encircle.agents",
-                    robot,
-                    "--connect",
-                    self._endpoint,
-                    *options,
-                ],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                env=without_settings(os.environ) | ONE_THREAD,
-                start_new_session=True,
-            )
+                    [robot, "--connect", self._endpoint, *options],
+                    streams,
+                    environment,
+                )
+                for robot in self._robots
+            }
+        try:
+            for robot, start in starts.items():
+                self._processes[robot] = start.result(s_max)
+        except NodesLost as error:
+            raise StudyFailed(str(error)) from None
+        except TimeoutError:
+            raise StudyFailed(f"no robot was started within {s_max:g} s") from None
         deadline_s = time.monotonic() + s_max
         while not self._all_joined.wait(WATCH_PERIOD_S):
             check()
@@ -156,7 +159,7 @@ class Session:
     def __exit__(self, *_error: object) -> None:
         self._closed.set()
         self._connection.close()
-        ends: tuple[Callable[[Any], None], ...] = (lambda _p: None, _terminate, _kill)
+        ends: tuple[Callable[[Node], None], ...] = (lambda _p: None, Node.terminate, Node.kill)
         for end in ends:
             for process in self._processes.values():
                 end(process)
@@ -224,13 +227,3 @@ class Session:
             if self._failure or is_signal_held():
                 self._connection.close()
                 return
-
-
-def _terminate(process: "subprocess.Popen[bytes]") -> None:
-    if process.poll() is None:
-        process.terminate()
-
-
-def _kill(process: "subprocess.Popen[bytes]") -> None:
-    if process.poll() is None:
-        process.kill()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from encircle.protocol.process.interrupts import signals_held
 from encircle.protocol.process.tracebacks import TRACEBACK_IN
-from encircle.runner.hunts import LINKS
+from encircle.runner.links import LINKS
 from encircle.studies.plan import Plan
 from encircle.studies.sources import code
 from encircle.studies.table import StudyTable
