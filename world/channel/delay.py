@@ -30,7 +30,17 @@ from encircle.world.channel.trace_playback import (
     without_gaps,
 )
 from encircle.world.random_streams import Purpose, block_ticks, link_block
-from encircle.world.scenario.channel_model import Delay, Parts, Replay
+from encircle.world.scenario.channel_model import Parts
+from encircle.world.scenario.delay_models import (
+    ConstantDelay,
+    Delay,
+    ExponentialDelay,
+    GammaDelay,
+    LognormalDelay,
+    NormalDelay,
+    UniformDelay,
+)
+from encircle.world.scenario.fields import Replay
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -108,12 +118,10 @@ def build(
     fixed_s, first, second = np.zeros((3, count, count))
     drawn: dict[str, NDArray[np.bool_]] = {}
     for _, links, delay in parts:
-        if delay.model == "constant":
+        if isinstance(delay, ConstantDelay):
             fixed_s[links] = delay.mean_s
         elif delay.model in QUANTILES and links.any():
-            by_ends = delay.model == "uniform"
-            first[links] = delay.low_s if by_ends else delay.mean_s
-            second[links] = delay.high_s if by_ends else delay.std_s
+            first[links], second[links] = _parameters(delay)
             drawn[delay.model] = links | drawn.get(delay.model, np.zeros_like(links))
     in_order = [] if purpose == Purpose.COPY_DELAY else ["repeat", "shifted"]
     replayed = rows_per_link(parts, ids, in_order)
@@ -131,6 +139,16 @@ def build(
         laid_out([(k, received(values), "resample") for k, values, _ in sampled], count, seed),
         laid_out([(k, without_gaps(values), mode) for k, values, mode in replayed], count, seed),
     )
+
+
+def _parameters(delay: Delay) -> tuple[float, float]:
+    """A law's two parameters in s, as its function in ``QUANTILES`` takes them."""
+    if isinstance(delay, UniformDelay):
+        return delay.low_s, delay.high_s
+    if isinstance(delay, ExponentialDelay):
+        return delay.mean_s, 0.0
+    assert isinstance(delay, GammaDelay | LognormalDelay | NormalDelay), "a law of QUANTILES"
+    return delay.mean_s, delay.std_s
 
 
 def seconds(delays: Delays, tick: int) -> Floats:

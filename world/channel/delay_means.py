@@ -11,7 +11,7 @@ alone: waiting for a transmitter or for earlier packets adds to it, a copy that 
 from it. For a trace both means are over its rows as packets meet them, none of which is lost.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -20,7 +20,18 @@ from scipy.special import gammaincc, ndtr
 
 from encircle.world.channel.delay import whole_ticks
 from encircle.world.channel.trace_playback import received, rows_per_link, without_gaps
-from encircle.world.scenario.channel_model import ChannelModel, Delay, Replay, delay_parts
+from encircle.world.scenario.channel_model import ChannelModel, delay_parts
+from encircle.world.scenario.delay_models import (
+    ConstantDelay,
+    Delay,
+    ExponentialDelay,
+    GammaDelay,
+    LognormalDelay,
+    NormalDelay,
+    TraceDelay,
+    UniformDelay,
+)
+from encircle.world.scenario.fields import Replay
 
 Floats = NDArray[np.float64]
 TERMS_MAX = 100_000
@@ -48,15 +59,18 @@ def requested_delay(channel: ChannelModel, ids: Sequence[str]) -> RequestedDelay
 
 def mean_s(delay: Delay) -> float:
     """Mean of a model's delays in s, before they are rounded up to ticks."""
-    if delay.model == "trace":
-        return float(np.mean(_rows_s(delay)))
-    if delay.model == "uniform":
-        return (delay.low_s + delay.high_s) / 2.0
-    if delay.model == "normal":
-        ratio = delay.mean_s / delay.std_s
-        density = np.exp(-(ratio**2) / 2.0) / np.sqrt(2.0 * np.pi)
-        return float(delay.mean_s + delay.std_s * density / ndtr(ratio))
-    return delay.mean_s
+    match delay:
+        case TraceDelay():
+            return float(np.mean(_rows_s(delay)))
+        case UniformDelay():
+            return (delay.low_s + delay.high_s) / 2.0
+        case NormalDelay():
+            ratio = delay.mean_s / delay.std_s
+            density = np.exp(-(ratio**2) / 2.0) / np.sqrt(2.0 * np.pi)
+            return float(delay.mean_s + delay.std_s * density / ndtr(ratio))
+        case ConstantDelay() | ExponentialDelay() | GammaDelay() | LognormalDelay():
+            return delay.mean_s
+    raise AssertionError(f"no mean for {type(delay).__name__}")
 
 
 def delivered_s_mean(delay: Delay, tick_s: float) -> float:
@@ -64,7 +78,7 @@ def delivered_s_mean(delay: Delay, tick_s: float) -> float:
 
     What is delayed by more than ``TERMS_MAX`` ticks counts as that.
     """
-    if delay.model in ("constant", "trace"):
+    if isinstance(delay, ConstantDelay | TraceDelay):
         return tick_s * float(np.mean(whole_ticks(_rows_s(delay), tick_s)))
     ticks = 1.0
     for first in range(1, TERMS_MAX, TERMS_AT_ONCE):
@@ -75,9 +89,9 @@ def delivered_s_mean(delay: Delay, tick_s: float) -> float:
     return tick_s * ticks
 
 
-def _rows_s(delay: Delay) -> Floats:
-    """The delays that packets meet one as often as the other."""
-    if delay.model == "constant":
+def _rows_s(delay: ConstantDelay | TraceDelay) -> Floats:
+    """The delays that packets meet, each as often as the others."""
+    if isinstance(delay, ConstantDelay):
         return np.array([delay.mean_s])
     met = received if delay.mode == "resample" else without_gaps
     own = [link.values for link in delay.links]
@@ -87,15 +101,18 @@ def _rows_s(delay: Delay) -> Floats:
 
 def _beyond(delay: Delay, at_s: Floats) -> Floats:
     """P(D > x) for times x > 0, of the models that are drawn from a distribution."""
-    mean, std = delay.mean_s, delay.std_s
-    laws: dict[str, Callable[[], Floats]] = {
-        "uniform": lambda: _beyond_uniform(delay.low_s, delay.high_s, at_s),
-        "gamma": lambda: np.asarray(gammaincc((mean / std) ** 2, at_s * mean / std**2)),
-        "lognormal": lambda: _beyond_lognormal(mean, std, at_s),
-        "normal": lambda: np.asarray(ndtr((mean - at_s) / std) / ndtr(mean / std)),
-        "exponential": lambda: np.exp(-at_s / mean) if mean else np.zeros_like(at_s),
-    }
-    return laws[delay.model]()
+    match delay:
+        case UniformDelay(low_s=low, high_s=high):
+            return _beyond_uniform(low, high, at_s)
+        case GammaDelay(mean_s=mean, std_s=std):
+            return np.asarray(gammaincc((mean / std) ** 2, at_s * mean / std**2))
+        case LognormalDelay(mean_s=mean, std_s=std):
+            return _beyond_lognormal(mean, std, at_s)
+        case NormalDelay(mean_s=mean, std_s=std):
+            return np.asarray(ndtr((mean - at_s) / std) / ndtr(mean / std))
+        case ExponentialDelay(mean_s=mean):
+            return np.exp(-at_s / mean) if mean else np.zeros_like(at_s)
+    raise AssertionError(f"no distribution for {type(delay).__name__}")
 
 
 def _beyond_uniform(low_s: float, high_s: float, at_s: Floats) -> Floats:
@@ -114,8 +131,8 @@ def _by_link(channel: ChannelModel, ids: Sequence[str]) -> Iterator[tuple[int, D
     """How many links each delay of a channel is for, none left out; a trace's rows one by one."""
     parts = delay_parts(channel, ids)
     for _, links, delay in parts:
-        if delay.model != "trace" and links.any():
+        if not isinstance(delay, TraceDelay) and links.any():
             yield int(links.sum()), delay
     for links, values, mode in rows_per_link(parts, ids, get_args(Replay)):
-        rows = Delay.model_construct(model="trace", mode=mode, values=tuple(values))
+        rows = TraceDelay.model_construct(model="trace", mode=mode, values=tuple(values))
         yield int(links.sum()), rows

@@ -29,7 +29,15 @@ from scipy.special import expit
 from encircle.world.channel.loss_causes import Cause
 from encircle.world.channel.trace_playback import Rows, laid_out, rows_per_link
 from encircle.world.random_streams import Purpose, link_uniforms
-from encircle.world.scenario.channel_model import Loss, Parts
+from encircle.world.scenario.channel_model import Parts
+from encircle.world.scenario.loss_models import (
+    BernoulliLoss,
+    BurstLoss,
+    DistanceLoss,
+    GilbertElliottLoss,
+    Loss,
+    RangeLoss,
+)
 
 Floats = NDArray[np.float64]
 FIRST_STATE_TICK = 2**63
@@ -92,10 +100,11 @@ def build(parts: Parts[Loss], ids: Sequence[str], seed: int) -> Losses | None:
     falloff = Falloff(np.zeros((count, count), bool), np.zeros_like(rate), np.ones_like(rate))
     for _, links, loss in parts:
         codes[links] = CODES[loss.model]
-        rate[links] = loss.rate if loss.model == "bernoulli" else 0.0
-        if loss.cutoff_m is not None:
+        if isinstance(loss, BernoulliLoss):
+            rate[links] = loss.rate
+        if isinstance(loss, DistanceLoss | RangeLoss) and loss.cutoff_m is not None:
             cutoff_m[links] = loss.cutoff_m
-        if loss.model == "distance":
+        if isinstance(loss, DistanceLoss):
             falloff.links[links] = True
             falloff.midpoint_m[links], falloff.width_m[links] = loss.midpoint_m, loss.width_m
     for links, values, _ in rows_per_link(parts, ids, ["resample"]):
@@ -161,11 +170,10 @@ def lost(
 def _burst(parts: Parts[Loss], count: int) -> Burst | None:
     tables = np.zeros((4, count, count))
     for _, links, loss in parts:
-        if loss.model == "gilbert-elliott":
+        if isinstance(loss, GilbertElliottLoss):
             chances = (loss.good_to_bad, loss.bad_to_good, loss.loss_good, loss.loss_bad)
             tables[:, links] = np.array(chances)[:, None]
-        elif loss.model == "burst":
-            assert loss.burst_packets is not None
+        elif isinstance(loss, BurstLoss):
             leaves = 1.0 / loss.burst_packets
             enters = min(1.0, loss.rate * leaves / (1.0 - loss.rate))
             tables[:, links] = np.array((enters, leaves, 0.0, 1.0))[:, None]

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from encircle.world.random_streams import Purpose, link_uniforms
-from encircle.world.scenario.channel_model import Delay, Loss, Parts, between
+from encircle.world.scenario.channel_model import Parts, between
+from encircle.world.scenario.delay_models import Delay, TraceDelay
+from encircle.world.scenario.loss_models import Loss, TraceLoss
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -50,17 +52,17 @@ def rows_per_link(
     parts: Parts[Loss] | Parts[Delay], ids: Sequence[str], modes: Sequence[str]
 ) -> list[tuple[NDArray[np.bool_], list[float | None], str]]:
     """The traces of some modes in a channel: links, values and mode of each set of rows."""
-    found: list[tuple[NDArray[np.bool_], list[float | None], str]] = []
+    rows: list[tuple[NDArray[np.bool_], list[float | None], str]] = []
     for _, links, model in parts:
-        if model.model == "trace" and model.mode in modes:
+        if isinstance(model, TraceLoss | TraceDelay) and model.mode in modes:
             others = links
             for own in model.links:
-                mine = between(own.sender, own.receiver, ids)
-                found.append((links & mine, list(own.values), model.mode))
-                others = others & ~mine
+                own_link = between(own.sender, own.receiver, ids)
+                rows.append((links & own_link, list(own.values), model.mode))
+                others = others & ~own_link
             if model.values is not None:
-                found.append((others, list(model.values), model.mode))
-    return [rows for rows in found if rows[0].any()]
+                rows.append((others, list(model.values), model.mode))
+    return [of_links for of_links in rows if of_links[0].any()]
 
 
 def laid_out(
@@ -74,11 +76,12 @@ def laid_out(
     length = np.ones((robots, robots), np.int64)
     shift = link_uniforms(seed, Purpose.TRACE_START, 0, robots)
     flat: list[float] = []
-    for mine, values, mode in rows:
-        links |= mine
-        first[mine], length[mine] = len(flat), len(values)
+    for own_links, values, mode in rows:
+        links |= own_links
+        first[own_links], length[own_links] = len(flat), len(values)
         if mode == "shifted":
-            start[mine] = np.minimum((shift[mine] * len(values)).astype(np.int64), len(values) - 1)
+            row = (shift[own_links] * len(values)).astype(np.int64)
+            start[own_links] = np.minimum(row, len(values) - 1)
         flat += values
     return Rows(links, np.array(flat), first, length, start)
 

@@ -9,45 +9,27 @@ from numpy.typing import NDArray
 from encircle.world.scenario.channel_model import (
     ChannelModel,
     Crash,
-    Delay,
-    DelayRows,
-    Loss,
-    LossRows,
     Outage,
     Partition,
     Silence,
     delay_parts,
     loss_parts,
 )
+from encircle.world.scenario.delay_models import (
+    Delay,
+    DelayRows,
+    ExponentialDelay,
+    GammaDelay,
+    LognormalDelay,
+    TraceDelay,
+    UniformDelay,
+)
 from encircle.world.scenario.fields import shown
+from encircle.world.scenario.loss_models import BurstLoss, Loss, LossRows, TraceLoss
 
 SPREAD_MAX = 1e3
 TRACE_ROWS_MAX = 200_000
 LINKS_NAMED_MAX = 4
-
-LOSS_KEYS: dict[str, set[str]] = {
-    "none": set(),
-    "bernoulli": {"rate"},
-    "gilbert-elliott": {"good_to_bad", "bad_to_good", "loss_good", "loss_bad"},
-    "burst": {"rate", "burst_packets"},
-    "distance": {"midpoint_m", "width_m", "cutoff_m"},
-    "range": {"cutoff_m"},
-    "trace": {"mode", "values", "links"},
-}
-DELAY_KEYS: dict[str, set[str]] = {
-    "constant": {"mean_s"},
-    "uniform": {"low_s", "high_s"},
-    "gamma": {"mean_s", "std_s"},
-    "lognormal": {"mean_s", "std_s"},
-    "normal": {"mean_s", "std_s"},
-    "exponential": {"mean_s"},
-    "trace": {"mode", "values", "links"},
-}
-NEEDED = {
-    "burst": ("burst_packets",),
-    "distance": ("midpoint_m", "width_m"),
-    "range": ("cutoff_m",),
-}
 
 
 def problems_of_radio(
@@ -64,11 +46,10 @@ def problems_of_radio(
         tables.append((f"channel.links.{index}.delay", link.delay))
         tables.append((f"channel.links.{index}.loss", link.loss))
     for key, model in tables:
-        if isinstance(model, Delay):
-            problems += [*_delay(key, model), *_unused(key, model, DELAY_KEYS[model.model])]
-        elif isinstance(model, Loss):
-            problems += [*_loss(key, model), *_unused(key, model, LOSS_KEYS[model.model])]
-    problems += _traces({key: model for key, model in tables if model is not None})
+        problems += _of_model(key, model)
+    problems += _traces(
+        {key: model for key, model in tables if isinstance(model, TraceLoss | TraceDelay)}
+    )
     for name, links, loss in loss_parts(channel, ids):
         problems += _rows_missing(name, links, loss, ids)
     for name, links, delay in delay_parts(channel, ids):
@@ -81,55 +62,31 @@ def problems_of_radio(
     return problems + _crashes(events)
 
 
-def _loss(key: str, loss: Loss) -> list[str]:
-    problems = [
-        f"{key}.{name}: must be given for model {loss.model!r}"
-        for name in NEEDED.get(loss.model, ())
-        if getattr(loss, name) is None
-    ]
-    if loss.model == "burst" and loss.burst_packets is not None:
+def _of_model(key: str, model: Loss | Delay | None) -> list[str]:
+    """What contradicts itself within one table of loss or delay."""
+    if isinstance(model, BurstLoss):
         # Good periods last a packet at least: no more than burst in every burst + 1 are lost.
-        most = loss.burst_packets / (loss.burst_packets + 1.0)
-        if loss.rate > most * (1.0 + 1e-12):
-            problems.append(
-                f"{key}.rate = {loss.rate}: with burst_packets = {loss.burst_packets:g} the rate"
+        most = model.burst_packets / (model.burst_packets + 1.0)
+        if model.rate > most * (1.0 + 1e-12):
+            return [
+                f"{key}.rate = {model.rate}: with burst_packets = {model.burst_packets:g} the rate"
                 f" can be at most {most:.6g}, one packet between bursts"
-            )
-    return problems
-
-
-def _delay(key: str, delay: Delay) -> list[str]:
-    problems = []
-    mean, spread = delay.mean_s, delay.std_s
-    if delay.model in ("gamma", "lognormal"):
-        if not (mean > 0.0 and spread > 0.0):
-            problems.append(f"{key}: {delay.model} needs mean_s and std_s above 0")
-        elif not 1 / SPREAD_MAX <= spread / mean <= SPREAD_MAX:
-            problems.append(
-                f"{key}.std_s = {spread}: must be from 1/{SPREAD_MAX:g} to"
-                f" {SPREAD_MAX:g} times mean_s = {mean}"
-            )
-    if delay.model == "normal" and not spread > 0.0:
-        problems.append(f"{key}.std_s = {spread}: must be above 0 for model 'normal'")
-    if delay.model == "exponential" and "mean_s" not in delay.model_fields_set:
+            ]
+    elif isinstance(model, GammaDelay | LognormalDelay):
+        if not 1 / SPREAD_MAX <= model.std_s / model.mean_s <= SPREAD_MAX:
+            return [
+                f"{key}.std_s = {model.std_s}: must be from 1/{SPREAD_MAX:g} to"
+                f" {SPREAD_MAX:g} times mean_s = {model.mean_s}"
+            ]
+    elif isinstance(model, ExponentialDelay) and "mean_s" not in model.model_fields_set:
         # A mean of 0, no delay, is where a study of delays begins.
-        problems.append(f"{key}.mean_s: must be given for model 'exponential'")
-    if delay.model == "uniform" and delay.low_s > delay.high_s:
-        problems.append(f"{key}.low_s = {delay.low_s}: must be at most high_s = {delay.high_s}")
-    return problems
+        return [f"{key}.mean_s: is missing; it must be given for model 'exponential'"]
+    elif isinstance(model, UniformDelay) and model.low_s > model.high_s:
+        return [f"{key}.low_s = {model.low_s}: must be at most high_s = {model.high_s}"]
+    return []
 
 
-def _unused(key: str, model: Delay | Loss, used: set[str]) -> list[str]:
-    """A value that its model ignores was surely meant to have an effect."""
-    return [
-        f"{key}.{name} = {shown(getattr(model, name))}: has no meaning for model {model.model!r},"
-        f" which takes {', '.join(sorted(used)) or 'nothing'}"
-        for name in sorted(model.model_fields_set - used - {"model"})
-        if getattr(model, name) != type(model).model_fields[name].default
-    ]
-
-
-def _traces(tables: Mapping[str, Loss | Delay]) -> list[str]:
+def _traces(tables: Mapping[str, TraceLoss | TraceDelay]) -> list[str]:
     problems, count = [], 0
     for key, table in tables.items():
         rows = {f"{key}.values": table.values} if table.values is not None else {}
@@ -139,7 +96,7 @@ def _traces(tables: Mapping[str, Loss | Delay]) -> list[str]:
             count += len(values)
             if not values:
                 problems.append(f"{name} = (): must have at least one row")
-            elif isinstance(table, Delay) and all(value is None for value in values):
+            elif isinstance(table, TraceDelay) and all(value is None for value in values):
                 problems.append(f"{name}: every packet was lost, so there is no delay to take")
     if count > TRACE_ROWS_MAX:
         problems.append(
@@ -152,7 +109,7 @@ def _rows_missing(
     key: str, links: NDArray[np.bool_], model: Loss | Delay, ids: Sequence[str]
 ) -> list[str]:
     """Links to which a trace applies that has no rows for them; and rows given twice."""
-    if model.model != "trace":
+    if not isinstance(model, TraceLoss | TraceDelay):
         return []
     own = [(link.sender, link.receiver) for link in model.links]
     problems = [
@@ -164,9 +121,9 @@ def _rows_missing(
         return problems
     if not own:
         return [f"{key}: model 'trace' needs file or values"]
-    needed = [(ids[s], ids[r]) for s, r in np.argwhere(links).tolist()]
+    links_of_trace = [(ids[s], ids[r]) for s, r in np.argwhere(links).tolist()]
     given = set(own)
-    missing = [f"{s} -> {r}" for s, r in needed if (s, r) not in given]
+    missing = [f"{s} -> {r}" for s, r in links_of_trace if (s, r) not in given]
     if missing:
         more = len(missing) - LINKS_NAMED_MAX
         named = ", ".join(missing[:LINKS_NAMED_MAX]) + (f" and {more} more" if more > 0 else "")

@@ -26,7 +26,7 @@ def shipped() -> dict[str, Path]:
 def read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """A scenario's name and its tree of tables, which is the caller's own to change."""
     if isinstance(source, Mapping):
-        return "scenario", _copied(source)
+        return "scenario", copied(source)
     known = shipped()
     path = known.get(str(source), Path(source))
     try:
@@ -54,7 +54,7 @@ def read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
 
 
 def override(tree: dict[str, Any], change: str) -> None:
-    """Change a tree by one ``key=value``; ``ScenarioError`` if there is no such place."""
+    """Change a tree by one ``key=value``; ``ScenarioError`` if it can have no such key."""
     key, separator, text = change.partition("=")
     if not separator or not key:
         raise ScenarioError(f"override {change!r}: must be key=value, as in target.step_m_max=0.39")
@@ -91,9 +91,10 @@ def _key_in(branch: Any, part: str, path: list[str], change: str) -> str | int:
     return int(part)
 
 
-def _copied(tree: Any) -> Any:
+def copied(tree: Any) -> Any:
+    """A copy of a tree in which nothing is shared, with dicts for mappings and lists for tuples."""
     if isinstance(tree, Mapping):
-        return {key: _copied(value) for key, value in tree.items()}
+        return {key: copied(value) for key, value in tree.items()}
     if isinstance(tree, list | tuple):
-        return [_copied(value) for value in tree]
+        return [copied(value) for value in tree]
     return tree

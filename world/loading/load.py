@@ -4,23 +4,24 @@ Unknown keys, values out of range and contradictions are refused, all of them at
 key and its value.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from encircle.protocol.parameters import Parameters
+from encircle.protocol.parameters import BODIES, Parameters
 from encircle.world.loading.consistency import problems_of
-from encircle.world.loading.files import override, read
+from encircle.world.loading.files import copied, override, read
 from encircle.world.loading.trace_files import inlined
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
+from encircle.world.scenario.validation import Path as KeyPath
 from encircle.world.scenario.validation import problems_in
 
 PROBLEMS_SHOWN_MAX = 100
-BODIES = ("radius_m", "target_radius_m", "step_m_max", "sensing_range_m", "stop_distance_m")
-ROBOT_KEYS = tuple(f"robot.{n}" for n in Parameters.__dataclass_fields__ if n not in BODIES)
+ROBOT_KEYS = tuple(f"robot.{f.name}" for f in fields(Parameters) if f.name not in BODIES)
 """Keys that the model does not know of: it takes the robots' parameters as they are."""
 
 
@@ -43,35 +44,54 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
     try:
         scenario = Scenario.model_validate(tree)
     except ValidationError as error:
-        found = problems_in(error, Scenario, tree, ROBOT_KEYS)
-        problems += found.values()
-        problems += _further_problems(tree, [list(map(str, path)) for path in found])
+        refused = problems_in(error, Scenario, tree, ROBOT_KEYS)
+        problems += refused.values()
+        problems += _further_problems(tree, list(refused))
         raise ScenarioError(_listed(name, problems)) from None
     if problems := problems + problems_of(scenario):
         raise ScenarioError(_listed(name, problems))
     return scenario
 
 
-def _further_problems(tree: dict[str, Any], refused: list[list[str]]) -> list[str]:
-    """Contradictions elsewhere in a scenario some of whose values are refused already."""
-    rest = {key: value for key, value in tree.items() if [key] not in refused}
-    for path in refused:
-        table = rest.get(path[0])
-        if len(path) > 1 and isinstance(table, dict):
-            rest[path[0]] = {key: value for key, value in table.items() if key != path[1]}
-        else:
-            rest.pop(path[0], None)
-    try:
-        problems = problems_of(Scenario.model_validate(rest))
-    except ValidationError:
-        return []
-    touched = {".".join(path[:2]) for path in refused}
-    return [
-        line
-        for line in problems
-        # A value that was taken out may itself be what is missing now.
-        if "give either" not in line and not any(key in line for key in touched)
-    ]
+def _further_problems(tree: Mapping[str, Any], refused: Iterable[KeyPath]) -> list[str]:
+    """Contradictions elsewhere in a scenario some of whose values are refused already.
+
+    The refused values are left out; where they cannot be, with the tables that they are in.
+    """
+    values = [_without_numbers_last(path) for path in refused]
+    for paths in (values, [path[:2] for path in values]):
+        try:
+            problems = problems_of(Scenario.model_validate(_without(tree, paths)))
+        except ValidationError:
+            continue
+        # What is wrong now with the same table may follow from what was left out.
+        tables = {".".join(map(str, path[: max(2, len(path) - 1)])) for path in paths}
+        return [
+            line
+            for line in problems
+            if "give either" not in line and not any(table in line for table in tables)
+        ]
+    return []
+
+
+def _without_numbers_last(path: KeyPath) -> KeyPath:
+    """The path of the list that a path's item is in; other paths are returned as they are."""
+    while path and isinstance(path[-1], int):
+        path = path[:-1]
+    return path
+
+
+def _without(tree: Mapping[str, Any], paths: Iterable[KeyPath]) -> dict[str, Any]:
+    """A copy of a tree without the values at some paths, or without the lists that they are in."""
+    rest: dict[str, Any] = copied(tree)
+    for path in map(_without_numbers_last, paths):
+        table: Any = rest
+        for key in path[:-1]:
+            is_list = isinstance(table, list) and isinstance(key, int) and key < len(table)
+            table = table[key] if is_list or (isinstance(table, dict) and key in table) else None
+        if path and isinstance(table, dict):
+            table.pop(path[-1], None)
+    return rest
 
 
 def _listed(name: str, lines: Sequence[str]) -> str:

@@ -8,7 +8,8 @@ tells its remarks first, a line each: the commands on standard error, the Python
 
 from encircle.protocol.parameters import Parameters
 from encircle.world.arena.capture import ROBOTS_MIN, robots_within_max
-from encircle.world.scenario.channel_model import Crash, Delay, delay_parts
+from encircle.world.scenario.channel_model import Crash, delay_parts
+from encircle.world.scenario.delay_models import ConstantDelay
 from encircle.world.scenario.model import Scenario
 
 
@@ -74,7 +75,9 @@ def _lost_for_good(scenario: Scenario) -> list[str]:
 def _delays(scenario: Scenario) -> list[str]:
     """Delays that ticks make much longer, and what will come of them; and absurdly long ones."""
     parts = delay_parts(scenario.channel, scenario.ids)
-    delayed = [(key, delay) for key, links, delay in parts if links.any() and delay != Delay()]
+    delayed = [
+        (key, delay) for key, links, delay in parts if links.any() and delay != ConstantDelay()
+    ]
     if not delayed:
         return []
     # It brings scipy, for which a command without delays need not wait.

@@ -1,7 +1,6 @@
-"""The radio's part of a scenario: what can be said of loss, delay, duplication and rate.
+"""The radio's part of a scenario: loss, delay, duplication, rate, single links and outages.
 
-One table each for loss and for delay names a model; the other keys are that model's, and one that
-the model ignores is refused. What a key means for the packets stands with the stage that obeys it:
+What a key means for the packets stands with the stage that obeys it:
 ``encircle.world.channel.loss``, ``encircle.world.channel.delay``,
 ``encircle.world.channel.rate_limit``, ``encircle.world.channel.outages``.
 """
@@ -13,150 +12,127 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from encircle.world.scenario.fields import Length, Model, Probability, Seconds, Tick, Ticks
+from encircle.protocol.parameters import Unit
+from encircle.world.scenario.delay_models import AnyDelay, ConstantDelay, Delay
+from encircle.world.scenario.fields import Model, Probability, Tick, Ticks
+from encircle.world.scenario.loss_models import AnyLoss, Loss, NoLoss
 
-Replay = Literal["repeat", "shifted", "resample"]
-Lost = Annotated[int, Field(ge=0, le=1)]
-Rate = Annotated[float, Field(ge=1e-3, le=1e9, allow_inf_nan=False)]
 WAITING_MAX = 1000
-
-
-class LossRows(Model):
-    """The rows of a loss trace that are for one directed link."""
-
-    sender: str
-    receiver: str
-    values: tuple[Lost, ...]
-
-
-class Loss(Model):
-    """Loss of packets. For Gilbert-Elliott and bursts the probabilities are per tick of a link.
-
-    A trace's ``values`` are for the links that have none of their own in ``links``; 1 is lost. In a
-    file's place (``file``, see ``encircle.world.loading.trace_files``) a loaded scenario holds
-    what was in it.
-    """
-
-    model: Literal[
-        "none", "bernoulli", "gilbert-elliott", "burst", "distance", "range", "trace"
-    ] = "none"
-    rate: Probability = 0.0
-    good_to_bad: Probability = 0.0
-    bad_to_good: Probability = 1.0
-    loss_good: Probability = 0.0
-    loss_bad: Probability = 1.0
-    burst_packets: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
-    midpoint_m: Length | None = None
-    width_m: Annotated[float, Field(ge=1e-3, le=1e5)] | None = None
-    cutoff_m: Length | None = None
-    mode: Replay = "repeat"
-    values: tuple[Lost, ...] | None = None
-    links: tuple[LossRows, ...] = ()
-
-
-class DelayRows(Model):
-    """The rows of a delay trace that are for one directed link."""
-
-    sender: str
-    receiver: str
-    values: tuple[Seconds | None, ...]
-
-
-class Delay(Model):
-    """Delay of packets in s; gamma and lognormal by mean and standard deviation.
-
-    Normal is cut off at zero: ``mean_s`` and ``std_s`` are those before the cut. A trace's
-    ``values`` are as for loss, with null where the recorded packet was lost.
-    """
-
-    model: Literal[
-        "constant", "uniform", "gamma", "lognormal", "normal", "exponential", "trace"
-    ] = "constant"
-    mean_s: Seconds = 0.0
-    std_s: Seconds = 0.0
-    low_s: Seconds = 0.0
-    high_s: Seconds = 0.0
-    mode: Replay = "repeat"
-    values: tuple[Seconds | None, ...] | None = None
-    links: tuple[DelayRows, ...] = ()
+PacketRate = Annotated[float, Field(ge=1e-3, le=1e9, allow_inf_nan=False), Unit("packets/s")]
+ByteRate = Annotated[float, Field(ge=1e-3, le=1e9, allow_inf_nan=False), Unit("B/s")]
 
 
 class LinkOverride(Model):
-    """Another loss or delay for the links from ``sender`` to ``receiver``; left out means any."""
+    """Another loss or delay for some links; of several for one link the last counts."""
 
     sender: str | None = None
+    """Id of the sending robot; any if left out."""
     receiver: str | None = None
-    loss: Loss | None = None
-    delay: Delay | None = None
+    """Id of the receiving robot; any if left out."""
+    loss: AnyLoss | None = None
+    """Loss on these links; as on the others if left out."""
+    delay: AnyDelay | None = None
+    """Delay on these links; as on the others if left out."""
 
 
 class Duplication(Model):
-    """A packet that is not lost arrives a second time with probability ``rate``."""
+    """A packet that is not lost may arrive a second time, after a delay of its own."""
 
     rate: Probability = 0.0
+    """Probability that a packet arrives twice."""
 
 
 class RateLimit(Model):
-    """How much a sender can put on the air; what cannot wait either is dropped."""
+    """How much a sender can put on the air; ``packets_per_s``, ``bytes_per_s`` or both are given.
 
-    packets_per_s: Rate | None = None
-    bytes_per_s: Rate | None = None
-    queue_packets_max: Annotated[int, Field(ge=0, le=WAITING_MAX)] = 10
+    A packet takes the longer of the two times to be sent, and waits for those before it.
+    """
+
+    packets_per_s: PacketRate | None = None
+    """Packets that a sender can send; no limit if left out."""
+    bytes_per_s: ByteRate | None = None
+    """Bytes that a sender can send; no limit if left out."""
+    queue_packets_max: Annotated[int, Field(ge=0, le=WAITING_MAX), Unit("packets")] = 10
+    """Packets that can wait at a sender; what cannot wait either is dropped."""
 
 
 class ChannelModel(Model):
     """The radio between the robots."""
 
-    loss: Loss = Loss()
-    delay: Delay = Delay()
+    loss: AnyLoss = NoLoss()
+    """Loss of packets, by one of several models; a table without ``model`` is ``none``."""
+    delay: AnyDelay = ConstantDelay()
+    """Delay of packets, by one of several models; a table without ``model`` is ``constant``."""
     duplication: Duplication = Duplication()
+    """Packets that arrive twice."""
     rate_limit: RateLimit | None = None
+    """How much a sender can put on the air; no limit if left out."""
     order: Literal["kept", "free"] = "free"
+    """Whether packets of a link may overtake each other (``free``) or not (``kept``)."""
     links: tuple[LinkOverride, ...] = ()
+    """Links whose loss or delay is another."""
 
 
 class Silence(Model):
-    """A robot's radio is off, both ways, for packets sent from ``tick`` on for ``ticks`` ticks."""
+    """A robot's radio is off, both ways, for packets sent in these ticks."""
 
     kind: Literal["silence"]
+    """The kind of event."""
     tick: Tick
+    """The first tick."""
     ticks: Ticks
+    """For how long."""
     robot: str
+    """Id of the robot."""
 
 
 class Outage(Model):
-    """The links from ``sender`` to ``receiver`` (left out means any) lose all that is sent then."""
+    """Some links lose every packet sent in these ticks."""
 
     kind: Literal["outage"]
+    """The kind of event."""
     tick: Tick
+    """The first tick."""
     ticks: Ticks
+    """For how long."""
     sender: str | None = None
+    """Id of the sending robot; any if left out."""
     receiver: str | None = None
+    """Id of the receiving robot; any if left out."""
 
 
 class Partition(Model):
-    """Nothing passes between robots of different ``groups``; who is in none talks to everyone."""
+    """Nothing passes between robots of different groups; who is in none talks to everyone."""
 
     kind: Literal["partition"]
+    """The kind of event."""
     tick: Tick
+    """The first tick."""
     ticks: Ticks
+    """For how long."""
     groups: tuple[tuple[str, ...], ...]
+    """Ids of the robots of each group; two groups or more."""
 
 
 class Crash(Model):
-    """A robot is lost at ``tick``; after ``ticks`` ticks it joins afresh, never if left out."""
+    """A robot is lost, and knows nothing of what was before if it comes back."""
 
     kind: Literal["crash"]
+    """The kind of event."""
     tick: Tick
+    """The first tick at which it is lost."""
     robot: str
+    """Id of the robot."""
     ticks: Ticks | None = None
+    """For how long; it never comes back if left out."""
 
 
 Part = TypeVar("Part", Loss, Delay)
 Parts = list[tuple[str, NDArray[np.bool_], Part]]
-"""A channel's tables of one sort: key, (N, N) of the links [sender, receiver] each is for, table.
+"""A channel's tables of loss or of delay: key, (N, N) links [sender, receiver] it is for, table.
 
-Every link between two robots belongs to one; of a table that others override nothing may be left.
+Every link between two robots belongs to exactly one. A table that others override everywhere has no
+links.
 """
 
 
@@ -174,9 +150,9 @@ def delay_parts(channel: ChannelModel, ids: Sequence[str]) -> Parts[Delay]:
 
 def between(sender: str | None, receiver: str | None, ids: Sequence[str]) -> NDArray[np.bool_]:
     """(N, N) the links from a sender to a receiver, None meaning any; none if one is unknown."""
-    sends = np.array([sender in (None, robot) for robot in ids], bool)
-    hears = np.array([receiver in (None, robot) for robot in ids], bool)
-    links: NDArray[np.bool_] = sends[:, None] & hears & ~np.eye(len(ids), dtype=bool)
+    is_sender = np.array([sender in (None, robot) for robot in ids], bool)
+    is_receiver = np.array([receiver in (None, robot) for robot in ids], bool)
+    links: NDArray[np.bool_] = is_sender[:, None] & is_receiver & ~np.eye(len(ids), dtype=bool)
     return links
 
 
@@ -187,13 +163,14 @@ def _parts(
     links: Sequence[LinkOverride],
     ids: Sequence[str],
 ) -> Parts[Part]:
-    places = np.full((len(ids), len(ids)), -1)
+    table_of_link = np.full((len(ids), len(ids)), -1)
     tables: dict[int, tuple[str, Part]] = {-1: (f"channel.{name}", base)}
     for index, (link, table) in enumerate(zip(links, over, strict=True)):
         if table is not None:
-            places[between(link.sender, link.receiver, ids)] = index
+            table_of_link[between(link.sender, link.receiver, ids)] = index
             tables[index] = (f"channel.links.{index}.{name}", table)
     links_of_all = between(None, None, ids)
     return [
-        (key, links_of_all & (places == index), table) for index, (key, table) in tables.items()
+        (key, links_of_all & (table_of_link == index), table)
+        for index, (key, table) in tables.items()
     ]

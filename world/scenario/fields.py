@@ -1,18 +1,31 @@
-"""What the scenario's models are built of: their base, and fields with units and ranges."""
+"""What the scenario's models are built of: their base, and fields with units and ranges.
 
-from typing import Annotated
+A field is declared once: its type carries range and unit, the docstring below it the meaning.
+``docs/scenario.md`` is made of these (``encircle.world.loading.describe``).
+"""
+
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-ROBOTS_MAX = 256
+from encircle.protocol.parameters import Unit
 
-Coordinate = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
+ROBOTS_MAX = 256
+LENGTH_M_MAX = 1e5
+DELAY_S_MAX = 600.0
+
+Coordinate = Annotated[
+    float, Field(ge=-LENGTH_M_MAX, le=LENGTH_M_MAX, allow_inf_nan=False), Unit("m")
+]
 Position = tuple[Coordinate, Coordinate]
-Length = Annotated[float, Field(gt=0.0, le=1e5, allow_inf_nan=False)]
-Seconds = Annotated[float, Field(ge=0.0, le=600.0, allow_inf_nan=False)]
+Length = Annotated[float, Field(gt=0.0, le=LENGTH_M_MAX, allow_inf_nan=False), Unit("m")]
+Deviation = Annotated[float, Field(ge=0.0, le=LENGTH_M_MAX, allow_inf_nan=False), Unit("m")]
+Seconds = Annotated[float, Field(ge=0.0, le=DELAY_S_MAX, allow_inf_nan=False), Unit("s")]
+PositiveSeconds = Annotated[float, Field(gt=0.0, le=DELAY_S_MAX, allow_inf_nan=False), Unit("s")]
 Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
-Tick = Annotated[int, Field(ge=0, le=10_000_000)]
-Ticks = Annotated[int, Field(ge=1)]
+Tick = Annotated[int, Field(ge=0, le=10_000_000), Unit("tick")]
+Ticks = Annotated[int, Field(ge=1), Unit("ticks")]
+Replay = Literal["repeat", "shifted", "resample"]
 
 
 class Model(BaseModel):

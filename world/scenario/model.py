@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from encircle.protocol import VERSION
+from encircle.protocol.parameters import Unit
 from encircle.world.scenario.channel_model import (
     ChannelModel,
     Crash,
@@ -20,7 +21,7 @@ from encircle.world.scenario.channel_model import (
     Partition,
     Silence,
 )
-from encircle.world.scenario.fields import ROBOTS_MAX, Length, Model, Position
+from encircle.world.scenario.fields import ROBOTS_MAX, Deviation, Length, Model, Position
 
 SPACING_BODIES = 1.5
 
@@ -29,96 +30,131 @@ class Placement(Model):
     """Robots without given positions start at random in an annulus around the target."""
 
     distance_m_min: Length = 4.0
+    """Inner radius of the annulus."""
     distance_m_max: Length = 10.0
+    """Outer radius of the annulus."""
 
 
 class Team(Model):
-    """The robots: how many or where, what bodies they have, how they decide.
-
-    With given ``positions`` every start is moved by up to ``jitter_m`` along each axis, by seed.
-    In real time a robot whose command does not come repeats its last step for up to
-    ``hold_ticks_max`` ticks and then stands still.
-    """
+    """The robots: how many or where, what bodies they have, how they decide."""
 
     robots: Annotated[int, Field(ge=1, le=ROBOTS_MAX)] | None = None
+    """Number of robots; it or ``positions`` must be given."""
     positions: tuple[Position, ...] | None = None
-    jitter_m: Annotated[float, Field(ge=0.0, le=1e5)] = 0.0
+    """Where each robot starts; at random (``placement``) if left out."""
+    jitter_m: Deviation = 0.0
+    """Each given start is moved by up to this along each axis, by seed."""
     placement: Placement = Placement()
+    """Where robots without given positions start."""
     strategy: str = "xi-star"
+    """Name of the robots' policy: a shipped one or that of an installed plug-in."""
     radius_m: Length = 0.5
+    """Radius of a robot's body."""
     step_m_max: Length = 0.3
+    """The longest step of a robot in a tick."""
     sensing_range_m: Length = 6.0
-    hold_ticks_max: Annotated[int, Field(ge=0, le=1000)] = 5
+    """How far a robot detects the target, obstacles and other robots."""
+    hold_ticks_max: Annotated[int, Field(ge=0, le=1000), Unit("ticks")] = 5
+    """In real time, how long a robot without a new command repeats its last step."""
     motion: Literal["holonomic", "unicycle"] = "holonomic"
-    turn_rad_max: Annotated[float, Field(gt=0.0, le=pi)] = pi / 6
+    """Whether robots step in any direction, or only forwards after a limited turn."""
+    turn_rad_max: Annotated[float, Field(gt=0.0, le=pi), Unit("rad")] = pi / 6
+    """The largest turn of a unicycle in a tick."""
 
 
 class Target(Model):
     """The target: where it starts, its body, how it behaves."""
 
     position: Position = (0.0, 0.0)
+    """Where the target starts."""
     behaviour: str = "flee"
+    """Name of the target's behaviour: a shipped one or that of an installed plug-in."""
     parameters: dict[str, Any] = Field(default_factory=dict)
-    heading_rad: Annotated[float, Field(ge=-2 * pi, le=2 * pi)] = 0.0
+    """The behaviour's own parameters."""
+    heading_rad: Annotated[float, Field(ge=-2 * pi, le=2 * pi), Unit("rad")] = 0.0
+    """Its heading before its first step."""
     radius_m: Length = 0.5
+    """Radius of its body."""
     step_m_max: Length = 0.2
+    """Its longest step in a tick."""
     sensing_range_m: Length = 6.0
+    """How far it detects robots and obstacles."""
 
 
 class Sensing(Model):
-    """How good the robots' sensors are: detection noise per axis, rays of the scan."""
+    """How good the robots' sensors are."""
 
-    noise_m_std: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
+    noise_m_std: Annotated[float, Field(ge=0.0, le=100.0), Unit("m")] = 0.0
+    """Standard deviation of a detection of the target, per axis."""
     rays: Annotated[int, Field(ge=8, le=360)] = 24
+    """Number of rays of a range scan, equally spaced."""
 
 
 class Obstacle(Model):
     """A fixed disc."""
 
     position: Position
+    """Its centre."""
     radius_m: Length
+    """Its radius."""
 
 
 class MoveTarget(Model):
-    """The target is moved by hand: at ``tick`` it stands at ``position``, or as near as it fits."""
+    """The target is moved by hand, to a position or as near to it as it fits."""
 
     kind: Literal["move-target"]
-    tick: Annotated[int, Field(ge=1)]
+    """The kind of event."""
+    tick: Annotated[int, Field(ge=1), Unit("tick")]
+    """The tick at which it stands there."""
     position: Position
+    """Where it is moved to."""
 
 
 class Capture(Model):
     """Captured: ``count`` robots within ``stop_distance_m``, no gap between them of pi or more."""
 
     count: Annotated[int, Field(ge=2)] | None = None
+    """Robots that a capture takes; all, up to what fits around the target, if left out."""
     stop_distance_m: Length = 1.3
+    """How near to the target's centre a robot's centre must be; robots go no nearer."""
 
 
 class Scenario(Model):
-    """One hunt, complete.
-
-    ``clock``: ticks end when all have answered (``lockstep``) or by the ``wall`` clock. ``radio``:
-    poses pass through the ``world`` or, by the wall clock only, ``direct`` from robot to robot.
-    """
+    """One hunt, complete."""
 
     title: str = ""
+    """A title for people."""
     description: str = ""
+    """A description for people."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
-    tick_s: Annotated[float, Field(ge=1e-4, le=60.0)] = 0.1
-    ticks_max: Annotated[int, Field(ge=1, le=1_000_000)] = 600
+    """Seed of every random draw."""
+    tick_s: Annotated[float, Field(ge=1e-4, le=60.0), Unit("s")] = 0.1
+    """Length of a tick."""
+    ticks_max: Annotated[int, Field(ge=1, le=1_000_000), Unit("ticks")] = 600
+    """When the run ends if there is no capture."""
     team: Team
+    """The robots."""
     target: Target = Target()
+    """The target."""
     robot: dict[str, Any] = Field(default_factory=dict)
+    """The robots' parameters, the same for all robots."""
     sensing: Sensing = Sensing()
+    """How good the robots' sensors are."""
     obstacles: tuple[Obstacle, ...] = ()
+    """Fixed discs."""
     events: tuple[
         Annotated[MoveTarget | Silence | Outage | Partition | Crash, Field(discriminator="kind")],
         ...,
     ] = ()
+    """What happens at given ticks."""
     channel: ChannelModel = ChannelModel()
+    """The radio between the robots."""
     radio: Literal["world", "direct"] = "world"
+    """Whether poses pass through the world or, by the wall clock only, from robot to robot."""
     clock: Literal["lockstep", "wall"] = "lockstep"
+    """Whether a tick ends when all robots have answered, or at a time (in real time)."""
     capture: Capture = Capture()
+    """What a capture is."""
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
@@ -135,19 +171,19 @@ class Scenario(Model):
     def fits_around(self) -> int:
         """How many robots fit at the stop distance with half a body's width between neighbours.
 
-        More would fit if they took equal places; robots that hunt do not (``docs/paper.md``).
+        More would fit if they stood at equal gaps; robots that hunt do not (``docs/paper.md``).
         """
         half_room = SPACING_BODIES * self.team.radius_m / self.capture.stop_distance_m
         return floor(pi / asin(min(1.0, half_room)))
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
-        """The robots' parameters: those set under ``robot``, and what their bodies are."""
+        """The robots' parameters: those set under ``robot``, and those of their bodies."""
         return {**self.robot, **self.bodies}
 
     @property
     def bodies(self) -> dict[str, float]:
-        """The robots' parameters that follow from what bodies there are."""
+        """The robots' parameters that follow from team, target and capture (``BODIES``)."""
         return {
             "radius_m": self.team.radius_m,
             "target_radius_m": self.target.radius_m,
@@ -160,8 +196,8 @@ class Scenario(Model):
 def digest_header(scenario: Scenario, seed: int) -> str:
     """What the digest of a run begins with: its configuration, as JSON.
 
-    Without what is at its default: keys that a later version adds change no digest.
+    Values at their defaults are left out, so that keys of a later version change no digest.
     """
-    words = {"title", "description", "seed"}
-    changed = scenario.model_dump(mode="json", exclude=words, exclude_defaults=True)
+    texts = {"title", "description", "seed"}
+    changed = scenario.model_dump(mode="json", exclude=texts, exclude_defaults=True)
     return json.dumps({"version": VERSION, "seed": seed, "scenario": changed}, sort_keys=True)

@@ -7,7 +7,7 @@ the file that is to be mended. Unknown keys come with the known one that is near
 
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -17,6 +17,7 @@ from encircle.world.scenario.fields import shown
 Path = tuple[str | int, ...]
 TEXT, WHOLE, NUMBER = "must be text", "must be a whole number", "must be a number"
 LIST, TABLE, TRUTH = "must be a list", "must be a table", "must be true or false"
+MISSING = "is missing"
 PROBLEM_TEXTS: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "string_type": TEXT,
     "string_sub_type": TEXT,
@@ -44,7 +45,7 @@ PROBLEM_TEXTS: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "model_attributes_type": TABLE,
     "dataclass_type": TABLE,
     "union_tag_not_found": lambda context: f"must have {_bare(context['discriminator'])}",
-    "missing": "is missing",
+    "missing": MISSING,
     "greater_than": lambda context: f"must be above {context['gt']}",
     "greater_than_equal": lambda context: f"must be at least {context['ge']}",
     "less_than": lambda context: f"must be below {context['lt']}",
@@ -65,24 +66,28 @@ OTHERWISE = "cannot be used here"
 SLIP_LIKENESS_MIN = 0.85
 """So alike are words that differ by a letter or two."""
 KEY = "[key]"
-"""Where pydantic's place of an error ends with this, it is the key before it that is wrong."""
+"""Where pydantic's location of an error ends with this, it is the key before it that is wrong."""
 UNKNOWN_KEY = "unknown key"
 
 
 def problems_in(
     error: ValidationError, model: type[BaseModel], tree: Any, other_keys: Sequence[str] = ()
 ) -> dict[Path, str]:
-    """Every problem by its place in what was read: a sentence with key, value, and what is right.
+    """Every problem by its path in what was read: a sentence with key, value, and what is right.
 
     ``tree``: what was validated; ``other_keys``: dotted keys that the model does not know of.
     """
-    found: dict[Path, tuple[Any, list[str]]] = {}
+    problems: dict[Path, tuple[Any, list[str]]] = {}
     for one in error.errors(include_url=False):
         path = _path(one["loc"], tree, one["type"])
         value, must = one["input"], _sentence(one)
         if one["type"] == "extra_forbidden":
-            must = UNKNOWN_KEY + _known_key(path, model, other_keys)
-        elif one["type"] == "missing" and path and isinstance(path[-1], int):
+            must = _of_another(path, model, tree) or (
+                UNKNOWN_KEY + _known_key(path, model, other_keys)
+            )
+        elif one["type"] == "missing" and path and isinstance(path[-1], str):
+            must = _missing(path, model, tree)
+        elif one["type"] == "missing" and path:
             # Of a list of fixed length, which is right or wrong as a whole.
             path, must = path[:-1], f"must have more than {_items(len(value))}"
         elif KEY in one["loc"] or one["type"] == "invalid_key":
@@ -90,29 +95,29 @@ def problems_in(
             value, must = _value_at(tree, path), "must be a table whose keys are text"
         elif one["type"] in ("union_tag_invalid", "literal_error"):
             path, value, must = _choice(one, path)
-        if (before := found.setdefault(path, (value, [])))[1].count(must) == 0:
+        if (before := problems.setdefault(path, (value, [])))[1].count(must) == 0:
             before[1].append(must)
-    return {path: _line(path, value, musts) for path, (value, musts) in found.items()}
+    return {path: _line(path, value, musts) for path, (value, musts) in problems.items()}
 
 
 def _line(path: Path, value: Any, musts: Sequence[str]) -> str:
     key = ".".join(map(str, path))
-    if musts == ["is missing"]:
-        return f"{key}: is missing"
+    if musts[0].startswith(MISSING):
+        return f"{key}: {musts[0]}"
     must = musts[0] + "".join(f", or {other.removeprefix('must be ')}" for other in musts[1:])
     return f"{key} = {shown(value)}: {must}" if key else f"{shown(value)}: {must}"
 
 
 def _sentence(one: Any) -> str:
-    found = PROBLEM_TEXTS.get(one["type"], OTHERWISE)
-    return found if isinstance(found, str) else found(one.get("ctx", {}))
+    text = PROBLEM_TEXTS.get(one["type"], OTHERWISE)
+    return text if isinstance(text, str) else text(one.get("ctx", {}))
 
 
 def _path(location: Sequence[str | int], tree: Any, kind: str) -> Path:
-    """The way through what was written; pydantic puts names of types in between."""
-    found: list[str | int] = []
-    for place, part in enumerate(location):
-        is_last = place == len(location) - 1
+    """Keys and numbers of items in what was written; pydantic puts names of types in between."""
+    path: list[str | int] = []
+    for index, part in enumerate(location):
+        is_last = index == len(location) - 1
         if isinstance(part, int):
             inside = isinstance(tree, Sequence) and not isinstance(tree, str) and part < len(tree)
             tree = tree[part] if inside else None
@@ -120,8 +125,8 @@ def _path(location: Sequence[str | int], tree: Any, kind: str) -> Path:
             tree = tree[part]
         elif not (is_last and kind == "missing"):
             continue
-        found.append(part)
-    return tuple(found)
+        path.append(part)
+    return tuple(path)
 
 
 def _value_at(tree: Any, path: Path) -> Any:
@@ -146,6 +151,62 @@ def _choice(one: Any, path: Path) -> tuple[Path, Any, str]:
     )
 
 
+def _missing(path: Path, model: type[BaseModel], tree: Any) -> str:
+    chosen = _chosen(path, model, tree)
+    return f"{MISSING}; it must be given for {chosen.described}" if chosen else MISSING
+
+
+def _of_another(path: Path, model: type[BaseModel], tree: Any) -> str:
+    """Of which models a key is that the table's own model does not have; empty if it is of none."""
+    chosen = _chosen(path, model, tree)
+    if chosen is None:
+        return ""
+    names = [name for name, other in chosen.others.items() if path[-1] in other.model_fields]
+    if not names:
+        return ""
+    own = sorted({*chosen.model.model_fields} - {chosen.discriminator})
+    takes = ", ".join(own) or "nothing"
+    return (
+        f"has no meaning for {chosen.described}, which takes {takes};"
+        f" {path[-1]} is of {', '.join(map(repr, names))}"
+    )
+
+
+class _Chosen(NamedTuple):
+    """A table's model, chosen among others by the name that stands under the discriminator."""
+
+    discriminator: str
+    name: str
+    model: type[BaseModel]
+    others: Mapping[str, type[BaseModel]]
+
+    @property
+    def described(self) -> str:
+        """As in ``model 'burst'``."""
+        return f"{self.discriminator} {self.name!r}"
+
+
+def _chosen(path: Path, model: type[BaseModel], tree: Any) -> _Chosen | None:
+    """Which of several models the table of a key is; None if it can be only one, or is none."""
+    models = _tables_at(path[:-1], model)
+    for key in models[0].model_fields if len(models) > 1 else ():
+        by_name = {name: one for one in models for name in _names(one, key)}
+        if len(by_name) == len(models) and all(len(_names(one, key)) == 1 for one in models):
+            unnamed = next(
+                (n for n, o in by_name.items() if not o.model_fields[key].is_required()), None
+            )
+            name = _value_at(tree, path[:-1]).get(key, unnamed)
+            if name in by_name:
+                return _Chosen(key, name, by_name.pop(name), by_name)
+    return None
+
+
+def _names(model: type[BaseModel], key: str) -> tuple[Any, ...]:
+    field = model.model_fields.get(key)
+    is_choice = field is not None and get_origin(field.annotation) is Literal
+    return get_args(field.annotation) if field is not None and is_choice else ()
+
+
 def _known_key(path: Path, model: type[BaseModel], other_keys: Sequence[str]) -> str:
     """The known key nearest to an unknown one: a slip in its own table, or its name in another."""
     key, dotted = str(path[-1]), [*keys_of(model), *other_keys]
@@ -160,23 +221,23 @@ def _known_key(path: Path, model: type[BaseModel], other_keys: Sequence[str]) ->
 
 
 def keys_of(model: type[BaseModel], before: str = "") -> list[str]:
-    """Every dotted key of a model and of the tables in it, but for items of lists."""
-    found = []
+    """Every dotted key of a model and of the tables in it, once, but for items of lists."""
+    keys = []
     for name, field in model.model_fields.items():
-        found.append(before + name)
+        keys.append(before + name)
         if get_origin(field.annotation) not in (tuple, list):
             for table in _models_in(field.annotation):
-                found += keys_of(table, f"{before}{name}.")
-    return found
+                keys += keys_of(table, f"{before}{name}.")
+    return list(dict.fromkeys(keys))
 
 
 def _tables_at(path: Path, model: type[BaseModel]) -> list[type[BaseModel]]:
-    """The models that what stands at a place may be."""
+    """The models that the value at a path may be of."""
     tables = [model]
     for part in path:
         if isinstance(part, str):
             fields = [table.model_fields[part] for table in tables if part in table.model_fields]
-            tables = [found for field in fields for found in _models_in(field.annotation)]
+            tables = [table for field in fields for table in _models_in(field.annotation)]
     return tables
 
 

@@ -10,7 +10,7 @@ from scipy import stats
 from encircle.world.channel import channel as radio
 from encircle.world.channel.delay import QUANTILES, whole_ticks
 from encircle.world.channel.loss_causes import Cause
-from encircle.world.scenario.channel_model import Delay
+from encircle.world.scenario.delay_models import DELAY_MODELS, Delay
 from encircle.world.scenario.errors import ScenarioError
 
 ALPHA = 1e-3
@@ -128,11 +128,14 @@ def lognormal(mean, spread):
 
 
 DELAYS = [
-    (Delay(model="uniform", low_s=0.05, high_s=0.62), stats.uniform(0.05, 0.57)),
-    (Delay(model="gamma", mean_s=0.25, std_s=0.2), stats.gamma(1.5625, scale=0.16)),
-    (Delay(model="gamma", mean_s=0.3, std_s=0.05), stats.gamma(36.0, scale=0.3 / 36)),
-    (Delay(model="lognormal", mean_s=0.2, std_s=0.3), lognormal(0.2, 0.3)),
-    (Delay(model="lognormal", mean_s=0.4, std_s=0.1), lognormal(0.4, 0.1)),
+    (DELAY_MODELS["uniform"](model="uniform", low_s=0.05, high_s=0.62), stats.uniform(0.05, 0.57)),
+    (DELAY_MODELS["gamma"](model="gamma", mean_s=0.25, std_s=0.2), stats.gamma(1.5625, scale=0.16)),
+    (
+        DELAY_MODELS["gamma"](model="gamma", mean_s=0.3, std_s=0.05),
+        stats.gamma(36.0, scale=0.3 / 36),
+    ),
+    (DELAY_MODELS["lognormal"](model="lognormal", mean_s=0.2, std_s=0.3), lognormal(0.2, 0.3)),
+    (DELAY_MODELS["lognormal"](model="lognormal", mean_s=0.4, std_s=0.1), lognormal(0.4, 0.1)),
 ]
 BY_DELAY = pytest.mark.parametrize(
     ("delay", "law"), DELAYS, ids=lambda d: d.model if isinstance(d, Delay) else ""

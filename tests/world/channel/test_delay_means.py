@@ -29,7 +29,7 @@ from encircle.world.channel.delay_means import (
     requested_delay,
 )
 from encircle.world.coordinator.result import GO_ON
-from encircle.world.scenario.channel_model import Delay
+from encircle.world.scenario.delay_models import DELAY_MODELS, TraceDelay
 
 TICK_S = 0.1
 FAR = [[90.0, 0.0], [0.0, 90.0], [-90.0, 0.0], [0.0, -90.0], [70.0, 70.0]]
@@ -57,7 +57,8 @@ LAWS = {
 def delay_of(name):
     keys, law, mean = LAWS[name]
     settings = dict(pair.split("=") for pair in keys.split(", "))
-    model = Delay(model=name.partition("-")[0], **settings)
+    model_name = name.partition("-")[0]
+    model = DELAY_MODELS[model_name](model=model_name, **settings)
     return model, law, mean
 
 
@@ -103,7 +104,7 @@ def test_runs_deliver_and_tell_the_mean_that_the_law_gives(name):
 
 @pytest.mark.parametrize("mode", ["repeat", "shifted", "resample"])
 def test_a_trace_delivers_the_mean_of_its_rows_in_whole_ticks(mode):
-    model = Delay(model="trace", mode=mode, values=(0.05, 0.12, None, 0.3, 0.31, 0.0))
+    model = TraceDelay(model="trace", mode=mode, values=(0.05, 0.12, None, 0.3, 0.31, 0.0))
     met = [0.05, 0.12, 0.12, 0.3, 0.31, 0.0] if mode != "resample" else [0.05, 0.12, 0.3, 0.31, 0]
     whole = [1, 2, 2, 3, 4, 1] if mode != "resample" else [1, 2, 3, 4, 1]
     assert mean_s(model) == pytest.approx(np.mean(met))

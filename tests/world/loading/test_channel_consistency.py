@@ -2,9 +2,10 @@
 
 import pytest
 
-from encircle.world.loading.channel_consistency import DELAY_KEYS, LOSS_KEYS
 from encircle.world.loading.load import load
+from encircle.world.scenario.delay_models import DELAY_MODELS
 from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.loss_models import LOSS_MODELS
 
 FOUR = {"team": {"robots": 4}}
 
@@ -61,8 +62,11 @@ CONTRADICTIONS = [
     (["channel.loss={model='distance', width_m=1}"], ["channel.loss.midpoint_m"]),
     (["channel.loss={model='distance', midpoint_m=1}"], ["channel.loss.width_m"]),
     (["channel.loss={model='range'}"], ["channel.loss.cutoff_m", "must be given", "'range'"]),
-    (["channel.delay.model=normal", "channel.delay.mean_s=1"], ["channel.delay.std_s = 0.0"]),
-    (["channel.delay.model=exponential"], ["channel.delay.mean_s: must be given", "exponential"]),
+    (
+        ["channel.delay.model=normal", "channel.delay.mean_s=1"],
+        ["channel.delay.std_s: is missing", "'normal'"],
+    ),
+    (["channel.delay.model=exponential"], ["channel.delay.mean_s: is missing", "exponential"]),
     (["channel.rate_limit={}"], ["channel.rate_limit", "packets_per_s, bytes_per_s or both"]),
     (["channel.rate_limit.queue_packets_max=3"], ["channel.rate_limit", "or both"]),
     (
@@ -77,7 +81,10 @@ CONTRADICTIONS = [
     ([EVENT.format("outage", "sender='r9'")], ["events.0.sender = 'r9'", "r1, r2, r3, r4"]),
     ([EVENT.format("outage", "receiver='q'")], ["events.0.receiver = 'q'"]),
     ([EVENT.format("outage", "sender='r1', receiver='r1'")], ["events.0.receiver = 'r1'"]),
-    ([EVENT.format("outage", "robot='r1'")], ["events.0.robot = 'r1'", "unknown key"]),
+    (
+        [EVENT.format("outage", "robot='r1'")],
+        ["events.0.robot = 'r1'", "no meaning for kind 'outage'", "'silence', 'crash'"],
+    ),
     ([EVENT.format("partition", "groups=[['r1', 'r9'], ['r2']]")], ["events.0.groups.0.1 = 'r9'"]),
     (
         [EVENT.format("partition", "groups=[['r1'], ['r2', 'r1']]")],
@@ -119,8 +126,11 @@ DELAY_VALUES = {
     "values": "[0.1]",
 }
 EVERY = [
-    *(("loss", model, LOSS_KEYS[model], LOSS_VALUES) for model in LOSS_KEYS),
-    *(("delay", model, DELAY_KEYS[model], DELAY_VALUES) for model in DELAY_KEYS),
+    *(("loss", name, set(model.model_fields), LOSS_VALUES) for name, model in LOSS_MODELS.items()),
+    *(
+        ("delay", name, set(model.model_fields), DELAY_VALUES)
+        for name, model in DELAY_MODELS.items()
+    ),
 ]
 
 
@@ -166,7 +176,7 @@ def test_the_highest_feasible_rate_of_bursts_is_taken_and_a_higher_one_refused(r
         ({"model": "trace", "values": [0, 2]}, ["channel.loss.values.1 = 2"]),
         ({"model": "trace", "values": [1], "file": "x.csv"}, ["channel.loss.file", "either"]),
         ({"model": "trace", "mode": "random", "values": [1]}, ["channel.loss.mode = 'random'"]),
-        ({"model": "bernoulli", "values": [1] * 90}, ["channel.loss.values = (1, 1,", "..."]),
+        ({"model": "bernoulli", "values": [1] * 90}, ["channel.loss.values = [1, 1,", "..."]),
         ({"model": "trace", "values": [1], "rate": 0.5}, ["channel.loss.rate = 0.5", "mode"]),
         (
             {"model": "trace", "links": [{"sender": "r1", "receiver": "r2", "values": [1]}] * 2},

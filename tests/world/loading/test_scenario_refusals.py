@@ -165,7 +165,10 @@ CONTRADICTIONS = [
     ),
     (["channel.links=[{sender='r5'}]"], ["channel.links.0.sender = 'r5'", "r1, r2, r3, r4"]),
     (["channel.links=[{receiver='q'}]"], ["channel.links.0.receiver = 'q'"]),
-    (["channel.links=[{delay={low_s=1}}]"], ["channel.links.0.delay.low_s = 1.0"]),
+    (
+        ["channel.links=[{delay={low_s=1}}]"],
+        ["channel.links.0.delay.low_s = 1:", "'constant'", "'uniform'"],
+    ),
     (
         ["events=[{kind='silence',tick=1,ticks=1,robot='r7'}]"],
         ["events.0.robot = 'r7'", "r1, r2, r3, r4"],

@@ -175,7 +175,7 @@ def _parts(value):
     return [part for one in inner for part in (one, *_parts(one))]
 
 
-SCENARIO_FIELDS = list(fields_in(Scenario, SCENARIO))
+SCENARIO_FIELDS = list(dict.fromkeys(fields_in(Scenario, SCENARIO)))
 STUDY_FIELDS = list(fields_in(Plan, STUDY))
 
 
@@ -325,7 +325,7 @@ def test_every_problem_of_a_study_is_listed_at_once():
         "scenario": "sim1",
         "seeds": 0,
         "strategies": ["xi-stat"],
-        "set": {"channel.loss.rate": 1.5, "ticks_max": 0},
+        "set": {"channel.loss": {"model": "bernoulli", "rate": 1.5}, "ticks_max": 0},
         "measures": ["speed"],
         "compare": "speed",
         "colour": "red",
