@@ -35,7 +35,7 @@ def alone(robots: int, rounds: int) -> tuple[float, float]:
         answers = [a for key, p in asked for a in cores[key.split("/")[3]].receive(key, p)]
         answered = time.perf_counter()
         asked = [message for key, p in answers for message in world.receive(key, p)]
-        world.commit()
+        world.rounds.commit()
         robots_s += answered - begun
         world_s += time.perf_counter() - answered
     return world_s / rounds * 1e6, robots_s / rounds / robots * 1e6

@@ -254,9 +254,10 @@ class RunLogCollector:
         rounds, state = self._rounds, world.state
         rounds.positions.append(state.positions)
         rounds.contacts += [(state.tick, *pair) for pair in state.contacts]
-        if world.fates is not None:  # those of the round before
-            rounds.due.append(world.fates.due)
-            rounds.copies.append(world.fates.copies)
+        fates = world.rounds.fates  # those of the round before
+        if fates is not None:
+            rounds.due.append(fates.due)
+            rounds.copies.append(fates.copies)
 
     def log(self) -> RunLog:
         """The log of the hunt, which must be over."""

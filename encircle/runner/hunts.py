@@ -213,12 +213,13 @@ def _in_memory(
     def progress(world: "WorldCore") -> None:
         nonlocal reported_s, reported
         check(f" at tick {world.state.tick}")
-        for tick, robot, what in world.departures[reported:]:
-            tell({"departure": [tick, robot, what]})
-        reported = len(world.departures)
+        departures = world.rounds.departures
+        for departure in departures[reported:]:
+            tell({"departure": list(departure.row)})
+        reported = len(departures)
         if time.perf_counter() - reported_s >= PROGRESS_PERIOD_S:
             reported_s = time.perf_counter()
-            tell({"tick": world.state.tick, "distances_m": list(world.result().distances_m)})
+            tell({"tick": world.state.tick, "distances_m": list(world.rounds.result().distances_m)})
 
     begun, failure = time.perf_counter(), ""
     try:

@@ -16,8 +16,9 @@ from encircle.protocol.keys import parse_key
 from encircle.protocol.messages import Command, Observation
 from encircle.protocol.plugins import PluginFailed
 from encircle.world.arena.engine import Arena
+from encircle.world.coordinator.journal import Record
 from encircle.world.coordinator.result import Result
-from encircle.world.coordinator.world_core import Record, WorldCore
+from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.recording.resuming import Resumed
 
 GARBAGE_THRESHOLD = 100_000
@@ -47,8 +48,8 @@ class RunObserver(Protocol):
     ) -> None:
         """All robots have answered, in robot order, at the tick that ``world.state`` shows.
 
-        None in place of its answer for a robot that is lost. ``world.fates`` are those of the
-        packets of the tick before, None at the first.
+        None in place of its answer for a robot that is lost. ``world.rounds.fates`` are those of
+        the packets of the tick before, None at the first.
         """
 
     def ended(self, world: WorldCore) -> None:
@@ -79,15 +80,16 @@ def run_in_memory(
             observations = _next_observations(world, cores, observer)
         else:
             world = resumed.core
-            world.record = record
+            world.record_with(record)
             observations = _resumed_observations(resumed, cores)
         try:
             _run(world, cores, observations, progress, observer)
         except PluginFailed as error:
-            world.give_up(error)
-        if world.plugin_failure is not None:
-            raise RunEndedByPlugin(world.plugin_failure, world.result()) from world.plugin_failure
-        return world.result()
+            world.rounds.fail(str(error), error)
+        failure = world.rounds.plugin_failure
+        if failure is not None:
+            raise RunEndedByPlugin(failure, world.rounds.result()) from failure
+        return world.rounds.result()
 
 
 @contextmanager
@@ -120,13 +122,13 @@ def _run(
                 remember_pose(pose, packet, run)
             world.answer(pose, packet, command, encode(command, run))
             answers[core.robot] = RobotAnswer(packet, command)
-        world.commit()
+        world.rounds.commit()
         if observer is not None:
             observer.decided(world, robots, [answers.get(robot) for robot in cores])
         if progress is not None:
             progress(world)
         observations = _next_observations(world, cores, observer)
-    if observer is not None and world.plugin_failure is None:
+    if observer is not None and world.rounds.plugin_failure is None:
         observer.ended(world)
 
 
@@ -137,7 +139,7 @@ def _next_observations(
     while not (observations := world.ask()) and world.ended is None:
         if observer is not None:
             observer.decided(world, tuple(cores.values()), [None] * len(cores))
-    for key, payload in world.setups:
+    for key, payload in world.rounds.open_round.setups:
         cores[parse_key(key).robot or ""].receive(key, payload)
     return observations
 
@@ -145,13 +147,13 @@ def _next_observations(
 def _resumed_observations(resumed: Resumed, cores: Mapping[str, RobotCore]) -> list[Observation]:
     """The observations of the round that was under way; each robot is told what it has to know."""
     world, observations = resumed.core, []
-    for robot in world.lost:
+    for robot in world.rounds.lost:
         # It is there now, and asked again from the next round on.
         world.join(robot)
     for robot, history in resumed.histories.items():
         for key, payload in history:
             cores[robot].receive(key, payload)
-    for key, payload in world.unanswered():
+    for key, payload in world.rounds.unanswered():
         if key.endswith("/observation"):
             observations.append(decode(Observation, payload, world.run))
         else:

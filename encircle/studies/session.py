@@ -37,8 +37,9 @@ from encircle.studies.workers import StudyFailed
 from encircle.world.arena.engine import Arena, build
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.loading.load import load
+from encircle.world.process.progress import RESEND_PERIOD_S
 from encircle.world.process.sending import send
-from encircle.world.process.server import RESEND_PERIOD_S, run_rounds
+from encircle.world.process.server import run_rounds
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
@@ -191,7 +192,7 @@ class Session:
         self._core = None
         if (failure := failure_of(core.ended)) is not None:
             raise HuntFailed(failure)
-        digest = core.result().digest
+        digest = core.rounds.result().digest
         return log_of_messages(arena.scenario, arena.seed, self._run, messages), digest
 
     def _alive_changed(self, key: str, alive: bool) -> None:
@@ -218,12 +219,12 @@ class Session:
                 core, since_s, again_s = now, time.monotonic(), RESEND_PERIOD_S
                 tick = now.state.tick if now is not None else -1
             elif time.monotonic() - since_s > s_max:
-                names = ", ".join(now.table.waiting())
+                names = ", ".join(now.rounds.table.waiting())
                 self._failure = f"no answer from {names} for {s_max:g} s at tick {tick}"
             elif time.monotonic() - since_s > again_s:
                 again_s += RESEND_PERIOD_S
                 with contextlib.suppress(ConnectionClosed):
-                    send(self._connection, now.unanswered())
+                    send(self._connection, now.rounds.unanswered())
             if self._failure or is_signal_held():
                 self._connection.close()
                 return

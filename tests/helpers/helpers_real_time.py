@@ -78,7 +78,7 @@ class Simulated:
         if self.out is not None:
             self.out.mkdir(parents=True, exist_ok=True)
             recorder = start_recording(self.out, self.scenario, RUN)
-            world.record = recorder.record
+            world.record_with(recorder.record)
         for robot in self.scenario.ids:
             for key, payload in world.join(robot):
                 self.cores[robot].receive(key, payload)
@@ -87,7 +87,7 @@ class Simulated:
         while self._events and world.ended is None:
             now_us, _, happen = heapq.heappop(self._events)
             happen(now_us)
-        world.commit()
+        world.rounds.commit()
         if recorder is not None:
             recorder.close()
         return world
@@ -102,14 +102,14 @@ class Simulated:
         heapq.heappush(self._events, (time_us, self._count, happen))
 
     def _begin(self, now_us: int) -> None:
-        self.world.at(EPOCH_US + now_us)
+        self.world.now_us = EPOCH_US + now_us
         self._from_world(self.world.begin(), now_us)
 
     def _end_tick(self, now_us: int) -> None:
         self._from_world(self.world.end_tick(EPOCH_US + now_us), now_us)
 
     def _from_world(self, messages: list[tuple[str, bytes]], now_us: int) -> None:
-        self.world.commit()
+        self.world.rounds.commit()
         if self.world.ended is None:
             for key, payload in messages:
                 self._send("world", parse_key(key).robot or "", key, payload, now_us)

@@ -18,6 +18,7 @@ from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import parse_key, robot_key, world_key
 from encircle.protocol.messages import Command, Observation
 from encircle.world.arena.engine import build
+from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.result import Result
 from encircle.world.coordinator.world_core import WorldCore
 
@@ -67,15 +68,15 @@ class _Run:
         asked = world.begin()
         # Ends: every round is a tick, and there are no more than ticks_max.
         for _ in range(self.scenario.ticks_max + 1):
-            world.commit()
+            world.rounds.commit()
             self.witness.look(world, self.robots.values())
             if world.ended is not None:
                 break
             asked = self._round(asked)
-        world.commit()
+        world.rounds.commit()
         assert world.ended is not None, "the run has not ended by ticks_max"
         self._hand_out(asked)
-        result = world.result()
+        result = world.rounds.result()
         self.witness.ended(result, world, self.robots.values())
         return result
 
@@ -99,7 +100,7 @@ class _Run:
         struck = self._struck(tick)
         answers = [self._reckless(*said) for said in self._hand_out(self._poisoned(asked))]
         self.order.shuffle(answers)
-        again = self._hand_out(world.unanswered()) if self.order.random() < ASK_AGAIN else []
+        again = self._hand_out(world.rounds.unanswered()) if self.order.random() < ASK_AGAIN else []
         following: list[tuple[str, bytes]] = []
         for key, payload in answers:
             robot = parse_key(key).robot or ""
@@ -132,7 +133,7 @@ class _Run:
         if self.fate is None:
             return {}
         struck = {}
-        here = [r for r in self.arena.ids if r not in self.back and r not in self.world.lost]
+        here = [r for r in self.arena.ids if r not in self.back and r not in self.world.rounds.lost]
         for robot in self.arena.ids:
             hit, after = self.fate.random() < FAULTS_PER_TICK, self.fate.randint(0, 2)
             if hit and robot in here:
@@ -149,7 +150,7 @@ class _Run:
         self.back[robot] = tick + self.fate.randint(1, 20)
         if self.fate.random() < 0.5:
             self.frozen[robot] = []
-        return self.world.leave(robot, "struck")
+        return self.world.leave(robot, DepartureCause.NO_ANSWER)
 
     def _bring_back(self, robot: str) -> None:
         """A robot that was killed is started again; one that was frozen says what it still had."""
@@ -198,9 +199,9 @@ class _Run:
                 "elsewhere",
             )
         )
-        before = sum(self.world.refused.values())
+        before = sum(self.world.rounds.refused.values())
         assert self.world.receive(key, _junk(draws)) == []
-        assert sum(self.world.refused.values()) == before + 1
+        assert sum(self.world.rounds.refused.values()) == before + 1
 
 
 def _junk(draws: random.Random) -> bytes:

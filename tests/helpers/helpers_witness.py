@@ -214,9 +214,9 @@ class Witness:
         """Whether what world and robots remember is bounded, by what it must be."""
         state, ids = world.state, self.arena.ids
         assert self.tick == state.tick
-        assert not world._journal.pending
-        assert len(world._answers) <= self.count
-        assert len(world._round_messages) <= 2 * self.count
+        assert not world.rounds.journal.pending
+        assert len(world.answers) <= self.count
+        assert len(world.rounds.open_round.messages) <= 2 * self.count
         flying = [
             f for due, flights in state.channel_state.flights.items() for f in flights if due > 0
         ]
@@ -224,8 +224,8 @@ class Witness:
         assert set(state.packets) <= {f.sent_tick for f in flying} | {state.tick - 1}
         links = self.count * (self.count - 1)
         assert sum(int(f.links.sum()) for f in flying) <= 2 * links * (state.tick + 1)
-        assert len(world.departures) <= 2 * self.count * (state.tick + 1)
-        assert len(world.refused) <= REFUSALS_MAX
+        assert len(world.rounds.departures) <= 2 * self.count * (state.tick + 1)
+        assert len(world.rounds.refused) <= REFUSALS_MAX
         for core in robots:
             assert len(core.refused) <= REFUSALS_MAX
             if core.state is None or core.config is None:

@@ -76,11 +76,18 @@ def answers(core: WorldCore, **changes: Any) -> list[tuple[str, bytes]]:
     """Every robot's pose and command for the tick that is asked for, by the script."""
     found = []
     for robot in core.arena.ids:
-        said = pose(robot, core.table.tick)
-        asked = command(robot, core.table.tick, step_of(robot, core.table.tick), **changes)
+        said = pose(robot, core.rounds.table.tick)
+        asked = command(
+            robot, core.rounds.table.tick, step_of(robot, core.rounds.table.tick), **changes
+        )
         found.append((robot_key(core.run, robot, "pose"), encode(said, core.run)))
         found.append((robot_key(core.run, robot, "command"), encode(asked, core.run)))
     return found
+
+
+def departures_of(core: WorldCore) -> list[tuple[int, str, str]]:
+    """Who was lost and came back so far, as results show it."""
+    return [departure.row for departure in core.rounds.departures]
 
 
 def begun(core: WorldCore) -> WorldCore:
@@ -105,7 +112,7 @@ def played(
     core = begun(WorldCore(arena, run, record=record))
     for _ in rounds(core):
         pass
-    core.commit()
+    core.rounds.commit()
     return core
 
 

@@ -440,12 +440,12 @@ def test_the_world_refuses_what_breaks_a_rule_and_the_run_is_the_same(rule):
     for seed in SEEDS:
         core, other = world(), world()
         assert core.receive(*broken(rule, seed, RUN)) == []
-        assert core.refused == {rule.cause: 1}
+        assert core.rounds.refused == {rule.cause: 1}
         for each in (core, other):
             while each.ended is None:
                 for key, payload in answers(each):
                     each.receive(key, payload)
-        assert replace(core.result(), refused={}) == other.result()
+        assert replace(core.rounds.result(), refused={}) == other.rounds.result()
 
 
 @pytest.mark.parametrize("published", [True, False])
@@ -459,14 +459,14 @@ def test_an_answer_given_already_and_a_pose_that_was_not_announced_are_out_of_tu
         core.receive(robot_key(RUN, "r1", "command"), encode(said, RUN))
     if not published:
         core.receive(robot_key(RUN, "r1", "pose"), encode(pose("r1", 1), RUN))
-    assert core.refused == {"out-of-turn": 2 + (not published)}
+    assert core.rounds.refused == {"out-of-turn": 2 + (not published)}
 
 
 def paced() -> RealTimeWorldCore:
     core = RealTimeWorldCore(build(by_clock("radio=direct"), 1), CLOCKED)
     for robot in core.arena.ids:
         core.join(robot)
-    core.at(EPOCH_US)
+    core.now_us = EPOCH_US
     core.begin()
     for tick in range(2):
         goes_by(core, tick)
@@ -487,12 +487,12 @@ def test_a_world_by_the_clock_refuses_what_breaks_a_rule(rule):
     for seed in SEEDS:
         core, other = paced(), paced()
         core.take(*broken(rule, seed, CLOCKED), EPOCH_US)
-        assert core.refused == {rule.cause: 1}
+        assert core.rounds.refused == {rule.cause: 1}
         for each in (core, other):
             for tick in range(2, 5):
                 goes_by(each, tick)
-        assert replace(core.result(), refused={}) == other.result()
-        assert core.counts == other.counts
+        assert replace(core.rounds.result(), refused={}) == other.rounds.result()
+        assert core.answers.counts == other.answers.counts
 
 
 def test_the_codes_of_causes_are_those_that_a_radio_may_tell():

@@ -1,110 +1,107 @@
-"""The account of a run: the digest of all that happens, what is to be recorded of it, and counts.
+"""The journal of a run: the digest of all that happens, what is to be recorded of it, and counts.
 
-Nobody waits for it: what happens is noted at once, and worked off when there is time (``settle``).
+The digest covers the truth at every tick, every packet's fate, every pose and command in robot
+order, and so which robots were lost, and the setups of robots that are back. It covers neither the
+run's name nor how or in which order anything arrived.
+
+Nobody waits for the journal. What happens is noted at once; ``commit`` digests and records it, and
+is called when there is time.
 """
 
 import hashlib
-from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from typing import NamedTuple
 
-import numpy as np
+from encircle.protocol.codec import body_of, encode
+from encircle.protocol.keys import robot_key, world_key
+from encircle.world.arena import engine
+from encircle.world.arena.engine import Arena, ArenaState
+from encircle.world.channel.channel import Fates
+from encircle.world.coordinator.answers import Answer
+from encircle.world.coordinator.outgoing import Outgoing, radio_message
+from encircle.world.coordinator.packet_counts import PacketCounts
+from encircle.world.scenario.model import digest_header
 
-from encircle.world.arena.engine import ArenaState
-from encircle.world.channel import channel as radio
-from encircle.world.channel.delay_means import RequestedDelay, requested_delay
-from encircle.world.coordinator.result import Result
-from encircle.world.scenario.model import Scenario
-
-Outgoing = list[tuple[str, bytes]]
 Record = Callable[[int, str, bytes], None]
+"""Records one message: tick, key, payload."""
+
+
+class Entry(NamedTuple):
+    """What is noted at a tick: parts for the digest, and messages for the recording."""
+
+    tick: int
+    digested: list[bytes]
+    messages: Outgoing
 
 
 class Journal:
-    """What is told of one run of a scenario in the end. ``header``: what its digest begins with."""
+    """The journal of one run.
 
-    def __init__(self, scenario: Scenario, header: str) -> None:
-        self.pending: list[tuple[int, list[bytes], Outgoing]] = []
-        self.digest = hashlib.blake2b(header.encode(), digest_size=16)
-        self._scenario = scenario
-        self._packets_sent = 0
-        self._packets_copied = 0
-        self._delays = 0
-        self._delays_ticks = 0
-        self._lost: Counter[int] = Counter()
-        self._contacts = 0
+    ``record`` gets every message of the run, if it is set. ``publishes_state``: whether ``commit``
+    returns the state at every tick, for viewers. ``pending``: what is not committed yet; ``hash``:
+    what was committed so far.
+    """
 
-    def note(self, tick: int, digested: list[bytes], messages: Outgoing) -> None:
-        """Note parts for the digest, and messages sent at a tick, for ``settle``."""
-        self.pending.append((tick, digested, messages))
+    def __init__(self, arena: Arena, run: str, record: Record | None = None) -> None:
+        self.record = record
+        self.publishes_state = False
+        self.pending: list[Entry] = []
+        self.packets = PacketCounts()
+        self.contacts = 0
+        self._arena = arena
+        self._run = run
+        self._state_key = world_key(run, "state")
+        header = digest_header(arena.scenario, arena.seed)
+        self.hash = hashlib.blake2b(header.encode(), digest_size=16)
 
-    def commit(self, record: Record | None, viewer_key: str) -> Outgoing:
-        """Digest and record what was noted since the last call; returns what is on a key."""
-        shown: Outgoing = []
-        for tick, digested, recorded in self.pending:
-            for part in digested:
-                self.digest.update(part)
-            for key, payload in recorded:
-                if record is not None:
-                    record(tick, key, payload)
-                if key == viewer_key:
-                    shown.append((key, payload))
-        self.pending.clear()
-        return shown
+    @property
+    def digest(self) -> str:
+        """The digest of what was committed so far."""
+        return self.hash.copy().hexdigest()
 
-    def count(self, tick: int, fates: radio.Fates, contacts: int) -> None:
-        """Count the packets of a tick by their fates, and the contacts that came of it."""
-        self._packets_sent += int(np.count_nonzero(fates.due))
-        if fates.due.min() < 0:
-            self._lost.update((-fates.due[fates.due < 0]).tolist())
-        first = fates.due
+    def note_first_setups(self, setups: Outgoing) -> None:
+        """Note the setups of all robots, in robot order, for the recording alone."""
+        self.pending.append(Entry(0, [], setups))
+
+    def note_state(self, state: ArenaState, setups: Outgoing, messages: Outgoing) -> None:
+        """Note the truth at a tick, the setups of robots that are back, and all messages sent."""
+        self.contacts += len(state.contacts)
+        if self.record is not None or self.publishes_state:
+            shown = encode(engine.truth(self._arena, state), self._run)
+            messages = [(self._state_key, shown), *messages]
+        moving = len(self._arena.ids) + 1
+        truth = state.positions[:moving].tobytes() + bytes([state.captured])
+        returned = [body_of(payload, self._run) for _, payload in setups]
+        self.pending.append(Entry(state.tick, [truth, *returned], messages))
+
+    def note_answers(self, tick: int, fates: Fates, answers: Sequence[Answer]) -> None:
+        """Note the answers of a round, in robot order, and what becomes of their packets."""
+        self.packets.add(tick, fates)
+        digested, messages = [fates.due.tobytes()], []
         if fates.copies is not None:
-            self._packets_copied += int(np.count_nonzero(fates.copies))
-            first = np.where(fates.copies > 0, np.minimum(first, fates.copies), first)
-        arrivals = first[first > 0]
-        self._delays += arrivals.size
-        self._delays_ticks += int(arrivals.sum()) - tick * arrivals.size
-        self._contacts += contacts
+            digested.append(fates.copies.tobytes())
+        for robot, answer in zip(self._arena.ids, answers, strict=True):
+            if not answer.command:
+                continue
+            if answer.packet is not None:
+                digested.append(answer.digested_pose)
+                messages.append((robot_key(self._run, robot, "pose"), answer.packet))
+            digested.append(answer.digested_command)
+            messages.append((robot_key(self._run, robot, "command"), answer.command))
+        if self.record is not None:
+            messages.append(radio_message(self._run, tick, fates))
+        self.pending.append(Entry(tick, digested, messages))
 
-    def result(
-        self,
-        state: ArenaState,
-        count: int,
-        ended: str | None,
-        refused: Counter[str],
-        departures: Sequence[tuple[int, str, str]],
-    ) -> Result:
-        """What came of a run of ``count`` robots, so far if it has not ended."""
-        lost = {radio.CAUSES[code]: number for code, number in sorted(self._lost.items())}
-        flying = radio.in_flight(state.channel_state)
-        # What is due at the last tick has arrived, though no robot is asked any more.
-        unread = radio.deliver(state.channel_state, state.tick)[1]
-        in_flight = flying - sum(int(flight.links.sum()) for flight in unread)
-        return Result(
-            state.captured,
-            state.tick if state.captured else None,
-            state.tick,
-            ended or "running",
-            tuple(state.geometry.distances[:count, count].tolist()),
-            self._packets_sent,
-            lost,
-            self._packets_copied,
-            self._packets_sent + self._packets_copied - sum(lost.values()) - in_flight,
-            in_flight,
-            self._requested_delay.model,
-            self._requested_delay.s_mean,
-            self._delay_s_mean(),
-            self._contacts,
-            dict(sorted(refused.items())),
-            self.digest.copy().hexdigest(),
-            tuple(departures),
-        )
-
-    @cached_property
-    def _requested_delay(self) -> RequestedDelay:
-        return requested_delay(self._scenario.channel, self._scenario.ids)
-
-    def _delay_s_mean(self) -> float | None:
-        if not self._delays or self._scenario.radio == "direct":
-            return None
-        return self._delays_ticks / self._delays * self._scenario.tick_s
+    def commit(self) -> Outgoing:
+        """Digest and record what was noted since the last call; returns states for viewers."""
+        states: Outgoing = []
+        for entry in self.pending:
+            for part in entry.digested:
+                self.hash.update(part)
+            for key, payload in entry.messages:
+                if self.record is not None:
+                    self.record(entry.tick, key, payload)
+                if key == self._state_key:
+                    states.append((key, payload))
+        self.pending.clear()
+        return states

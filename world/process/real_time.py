@@ -15,8 +15,8 @@ from encircle.protocol.errors import ConnectionClosed
 from encircle.protocol.mailbox import Mailbox, now_us
 from encircle.world.coordinator.deadlines import DeadlineStatistics, next_deadline
 from encircle.world.coordinator.failure_detector import FailureDetector
+from encircle.world.coordinator.outgoing import Outgoing
 from encircle.world.coordinator.real_time_core import RealTimeWorldCore
-from encircle.world.coordinator.world_core import Outgoing
 
 Act = Callable[[Callable[[], Outgoing]], None]
 
@@ -40,7 +40,7 @@ def run_real_time(
     silent_ticks_max = ceil(answer_s_max / tick_s)
 
     def begin() -> Outgoing:
-        core.at(now_us())
+        core.now_us = now_us()
         return failure_detector.begin()
 
     def lose_the_silent() -> Outgoing:
@@ -62,7 +62,7 @@ def run_real_time(
             act(lose_the_silent)
     except ConnectionClosed:
         pass
-    core.refused_for_room(mail.dropped)
+    core.rounds.refusals.add_dropped(mail.dropped)
     return punctuality
 
 

@@ -54,8 +54,8 @@ async def run_world(
     is.
     """
     # Built first: a team that cannot be placed leaves nothing behind.
-    kind = RealTimeWorldCore if arena.scenario.clock == "wall" else WorldCore
-    core = resumed.core if resumed else kind(arena, run, log)
+    new_core = RealTimeWorldCore if arena.scenario.clock == "wall" else WorldCore
+    core = resumed.core if resumed else new_core(arena, run, log)
     check = partial(check_name_free, token=world_key(run, "alive"), who=f"world of run {run}")
     try:
         if out is not None and resumed is None:
@@ -86,7 +86,7 @@ async def _served(
     core, options = server.core, server.options
     if recorder is not None:
         server.record_with(recorder)
-    core.publishes_state = True
+    core.rounds.journal.publishes_state = True
     if options.parent:
         reader = asyncio.get_running_loop().add_reader
         reader(sys.stdin.fileno(), server.stop, "its starter is gone")
@@ -107,17 +107,18 @@ def _recorder(out: Path | None, arena: Arena, run: str, resumed: Resumed | None)
 def _finish(server: Server, ended: str, out: Path | None, recorder: Recorder | None) -> int:
     """Finish the recording, write the summary, and tell what came of the run; the exit status."""
     core = server.core
-    if core.plugin_failure is not None:
-        ended = failure_reason(failure_line(core.plugin_failure, out))
-    result = replace(core.result(), ended=ended)
+    if core.rounds.plugin_failure is not None:
+        ended = failure_reason(failure_line(core.rounds.plugin_failure, out))
+    result = replace(core.rounds.result(), ended=ended)
+    times = server.times
     extra: dict[str, Any] = {
-        "rounds_s": server.rounds_s,
-        "joined_s": server.joined_s,
-        "begun_unix_s": server.begun_unix_s,
+        "rounds_s": times.rounds_s,
+        "joined_s": times.joined_s,
+        "begun_unix_s": times.begun_unix_s,
     }
     transport = {}
     if isinstance(core, RealTimeWorldCore) and server.punctuality is not None:
-        extra["real_time"] = {**server.punctuality.as_dict(), "robots": core.summary()}
+        extra["real_time"] = {**server.punctuality.as_dict(), "robots": core.answers.summary()}
         transport = {"transport": report(core.ledger)}
     if recorder is not None and out is not None and not server.has_begun:
         discard(recorder, out)

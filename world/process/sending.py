@@ -1,9 +1,9 @@
-"""How the world hands its messages over to a link, so that none finds the way to its robot full.
+"""How the world sends its messages, so that no queue on the way to a robot overflows.
 
-Those of a round are one or two to each robot, for which there is room. A robot that a resumed run
-takes in hears at once all that was observed before; whoever it is connected to drops what there is
-no room for (``encircle.protocol.zenoh.lanes``). So it is told in lots, each after the one before
-has arrived.
+A round has one or two messages for each robot, for which there is room. A robot that joins a
+resumed run gets all earlier observations at once, and the node that it is connected to drops those
+for which there is no room (``encircle.protocol.zenoh.lanes``). So they are sent in batches, each
+after the one before has arrived.
 """
 
 from collections.abc import Iterator
@@ -11,22 +11,22 @@ from collections.abc import Iterator
 from encircle.protocol.connections import Connection
 from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.zenoh.connection import ZenohConnection
-from encircle.world.coordinator.world_core import Outgoing
+from encircle.world.coordinator.outgoing import Outgoing
 
 BATCH_BYTES_MAX = 256 * 1024
 BATCH_S_MAX = 10.0
 
 
 def send(connection: Connection, messages: Outgoing) -> None:
-    """Hand messages over to a link, in their order."""
+    """Send messages by a connection, in their order."""
     for key, payload in messages:
         connection.send(key, payload)
 
 
 def send_in_batches(connection: ZenohConnection, messages: Outgoing) -> None:
-    """As ``send``, waiting between lots until they have arrived.
+    """As ``send``, waiting between batches until they have arrived.
 
-    One who does not say so, as one that is frozen, is told the rest without waiting.
+    A robot that does not confirm it, for instance a frozen one, gets the rest without waiting.
     """
     arrives = True
     for number, batch in enumerate(batches(messages)):
@@ -37,7 +37,7 @@ def send_in_batches(connection: ZenohConnection, messages: Outgoing) -> None:
 
 
 def batches(messages: Outgoing) -> Iterator[Outgoing]:
-    """The messages in their order, cut where one follows on the same key and a lot is full."""
+    """The messages in their order, cut where the key stays the same and a batch is full."""
     batch: Outgoing = []
     length, before = 0, ""
     for key, payload in messages:

@@ -1,50 +1,40 @@
-"""The world as a process: it takes robots in, runs the rounds, records, and tells how it goes.
+"""The world as a process: it takes robots in, runs the rounds, records, and reports.
 
 As with the robot, asyncio supervises (joins, liveliness, signals, deadlines) and a thread runs the
-rounds; whoever of the two has something to do with the core holds its lock, until what comes of it
-was sent. How it goes is told to whoever wants to know (``encircle.world.process.reports``); what
-happens to robots goes to standard error as well.
+rounds; both change the core by ``CoreAccess``. Progress goes to a reporter
+(``encircle.world.process.reports``); what happens to robots goes to standard error as well.
 """
 
 import asyncio
 import contextlib
 import gc
-import itertools
-import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from encircle.protocol import VERSION
 from encircle.protocol.connections import Connection
-from encircle.protocol.errors import ConnectionClosed, ProtocolError
-from encircle.protocol.keys import parse_key, robot_key, world_key
-from encircle.protocol.process.log import say_error
+from encircle.protocol.errors import ConnectionClosed
+from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.world.coordinator.deadlines import DeadlineStatistics
-from encircle.world.coordinator.failure_detector import (
-    NO_ANSWER,
-    FailureDetector,
-    RunCannotContinue,
-)
+from encircle.world.coordinator.failure_detector import FailureDetector
 from encircle.world.coordinator.real_time_core import RealTimeWorldCore
 from encircle.world.coordinator.result import GO_ON
-from encircle.world.coordinator.world_core import Outgoing, WorldCore
+from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.process.core_access import CoreAccess
+from encircle.world.process.departure_reports import DepartureReports
+from encircle.world.process.joining import Joining
+from encircle.world.process.progress import LockStepWatch, RealTimeWatch
 from encircle.world.process.real_time import run_real_time
 from encircle.world.process.reports import Reporter
-from encircle.world.process.sending import send, send_in_batches
+from encircle.world.process.run_watch import RunWatch
+from encircle.world.process.sending import send
 from encircle.world.recording.recorder import Recorder, RecordingStopped
 from encircle.world.recording.resuming import Resumed
 
 JOIN_S_MAX = 30.0
 ANSWER_S_MAX = 3.0
-RESEND_PERIOD_S = 1.0
-WATCH_PERIOD_S = 0.1
-EARLY_PERIOD_S, EARLY_MAX = 0.02, 4096
-LOOK_GAP_S_MAX = 0.5
-"""How much of the time between two looks counts as waiting, for this world may have been frozen."""
 FLUSH_S_MAX = 10.0
 """So long Zenoh keeps a connection of which nothing comes."""
 
@@ -64,17 +54,26 @@ class WorldOptions:
 
 
 def run_rounds(core: WorldCore, connection: Connection) -> None:
-    """Run the hunt until it ends or the link is closed."""
+    """Run a hunt in lock-step until it ends or the connection is closed."""
     try:
         send(connection, core.begin())
-        send(connection, core.commit())
+        send(connection, core.rounds.commit())
         while core.ended is None:
             outgoing = core.receive(*connection.receive())
             if outgoing:
                 send(connection, outgoing)
-                send(connection, core.commit())
+                send(connection, core.rounds.commit())
     except ConnectionClosed:
         pass
+
+
+@dataclass
+class RunTimes:
+    """When a run has begun and how long its parts took, as far as it came; for summaries."""
+
+    joined_s: float | None = None
+    rounds_s: float = 0.0
+    begun_unix_s: float | None = None
 
 
 class Server:
@@ -82,7 +81,7 @@ class Server:
 
     def __init__(
         self,
-        core: WorldCore,
+        core: WorldCore | RealTimeWorldCore,
         connection: ZenohConnection,
         options: WorldOptions,
         report_to: Reporter,
@@ -92,53 +91,40 @@ class Server:
         self.core = core
         self.options = options
         self.report = report_to
-        self.joined_s: float | None = None
-        self.rounds_s = 0.0
-        self.begun_unix_s: float | None = None
+        self.times = RunTimes()
         self.punctuality: DeadlineStatistics | None = None
+        self._resumed_tick = core.state.tick if resumed else None
+        self._loop = asyncio.get_running_loop()
+        self._failure: asyncio.Future[str] = self._loop.create_future()
+        self._ended = asyncio.Event()
         self._failure_detector = FailureDetector(
             core, options.when_lost, resumed.histories if resumed else None
         )
-        # Who takes up a run has all of it to remember before the first answer.
-        self._resumed_tick = core.state.tick if resumed else None
-        self._departures_reported = len(core.departures)
-        self._version_checks: dict[str, asyncio.Task[None]] = {}
-        self._lock = threading.Lock()
-        self._loop = asyncio.get_running_loop()
-        self._failure: asyncio.Future[str] = self._loop.create_future()
-        self._all_joined = asyncio.Event()
-        self._ended = asyncio.Event()
+        self._access = CoreAccess(
+            core,
+            connection,
+            on_ended=lambda: self._loop.call_soon_threadsafe(self._ended.set),
+            on_failure=lambda reason: self._loop.call_soon_threadsafe(self.stop, reason),
+        )
+        self._joining = Joining(self._failure_detector, self._access, connection, report_to)
+        self._departures = DepartureReports(
+            core.rounds, connection, report_to, options.answer_s_max
+        )
 
     async def serve(self) -> str:
         """Take the robots in and run the hunt; returns how it ended."""
-        if self.core.ended is not None:
-            return self.core.ended
-        started = time.perf_counter()
-        run = self.core.run
-        self.connection.watch(robot_key(run, "*", "alive"), self._alive_changed)
-        self.connection.answer_info_queries(world_key(run, "about"), "world")
-        self.connection.declare_alive(world_key(run, "alive"))
-        late = self._loop.call_later(self.options.join_s_max, self._give_up_joining)
-        everyone = asyncio.create_task(self._all_joined.wait())
-        early = asyncio.create_task(self._refuse_early_messages())
-        await _first_of(everyone, self._failure, early)
-        late.cancel()
-        if early.done():
-            early.result()
-        early.cancel()
-        if not self._failure.done():
-            self.joined_s = time.perf_counter() - started
-            await self._hunt()
-        everyone.cancel()
         if self.core.ended is None:
-            self._send_failure()
-            await self._flush_end()
+            if await self._wait_for_robots():
+                await self._hunt()
+            if self.core.ended is None:
+                self._access.fail(self._failure.result())
+                await self._flush_end()
         return self.core.ended or ""
 
     @property
     def has_begun(self) -> bool:
-        """Whether there is anything of the run: of one that was taken up there was before."""
-        return self.joined_s is not None or self._resumed_tick is not None
+        """Whether anything of the run exists: of a resumed one something did before."""
+        return self.times.joined_s is not None or self._resumed_tick is not None
 
     def interrupt(self, name: str) -> None:
         """End the run because of a signal; called as a signal handler is."""
@@ -159,25 +145,57 @@ class Server:
             except RecordingStopped as error:
                 self._loop.call_soon_threadsafe(self.stop, str(error))
 
-        self.core.record = record
+        self.core.record_with(record)
 
-    async def _refuse_early_messages(self) -> None:
-        """An inbox that is full would keep tokens out as well.
+    async def _wait_for_robots(self) -> bool:
+        """Take robots in until the run can begin; False if it failed before."""
+        started, run, s_max = time.perf_counter(), self.core.run, self.options.join_s_max
+        self._joining.watch_tokens(run)
+        self.connection.answer_info_queries(world_key(run, "about"), "world")
+        self.connection.declare_alive(world_key(run, "alive"))
+        timeout = self._loop.call_later(s_max, self._joining.give_up, s_max, self.stop)
+        all_joined = asyncio.create_task(self._joining.all_joined.wait())
+        tasks: list[asyncio.Task[Any]] = [all_joined]
+        # A robot of a resumed run has got its observation already: what comes may be its answer.
+        if self._resumed_tick is None:
+            tasks.append(asyncio.create_task(self._joining.refuse_early_messages(self._refuse)))
+        await _first_of(*tasks, self._failure)
+        timeout.cancel()
+        for task in tasks:
+            if task.done():
+                task.result()
+            task.cancel()
+        if self._failure.done():
+            return False
+        self.times.joined_s = time.perf_counter() - started
+        return True
 
-        Who takes up a run has asked already, and what comes may be answers.
-        """
-        while True:
-            if self._resumed_tick is None:
-                for key, payload in itertools.islice(self.connection.waiting(), EARLY_MAX):
-                    self.core.receive(key, payload)
-            await asyncio.sleep(EARLY_PERIOD_S)
-
-    def _send_failure(self) -> None:
-        with contextlib.suppress(ConnectionClosed), self._lock:
-            send(self.connection, self.core.fail(self._failure.result()))
+    async def _hunt(self) -> None:
+        # What was imported stays for good: collecting garbage need not look at it again and again.
+        gc.freeze()
+        begun = time.perf_counter()
+        self.times.begun_unix_s = time.time()
+        rounds = asyncio.create_task(asyncio.to_thread(self._run_rounds))
+        watch = asyncio.create_task(self._run_watch().run())
+        over = asyncio.create_task(self._ended.wait())
+        await _first_of(rounds, over, watch, self._failure)
+        # It ends by itself only by an error of ours, which must not go unheard.
+        watch_failed = watch.done()
+        watch.cancel()
+        over.cancel()
+        if self._failure.done() and self.core.ended is None:
+            self._access.fail(self._failure.result())
+        await self._flush_end()
+        if not rounds.done():
+            await asyncio.to_thread(self.connection.close)
+        await rounds
+        if watch_failed:
+            watch.result()
+        self._departures.update()
+        self.times.rounds_s = time.perf_counter() - begun
 
     async def _flush_end(self) -> None:
-        """See to it that the robots learn of the end before the link is closed.
+        """See to it that the robots learn of the end before the connection is closed.
 
         One that is frozen never will; whoever waits for this world has the same patience, and is
         not to lose it first.
@@ -186,156 +204,49 @@ class Server:
         s_max = min(self.options.answer_s_max / 2.0, FLUSH_S_MAX)
         await asyncio.to_thread(self.connection.flush, info, s_max)
 
-    async def _hunt(self) -> None:
-        # What was imported stays for good: collecting garbage need not look at it again and again.
-        gc.freeze()
-        begun = time.perf_counter()
-        self.begun_unix_s = time.time()
-        rounds = asyncio.create_task(asyncio.to_thread(self._run_rounds))
-        watch = asyncio.create_task(self._watch_progress())
-        over = asyncio.create_task(self._ended.wait())
-        await _first_of(rounds, over, watch, self._failure)
-        # It ends by itself only by an error of ours, which must not go unheard.
-        broken = watch.done()
-        watch.cancel()
-        over.cancel()
-        if self._failure.done() and self.core.ended is None:
-            self._send_failure()
-        await self._flush_end()
-        if not rounds.done():
-            await asyncio.to_thread(self.connection.close)
-        await rounds
-        if broken:
-            watch.result()
-        self._report_departures()
-        self.rounds_s = time.perf_counter() - begun
-
     def _run_rounds(self) -> None:
-        if isinstance(self.core, RealTimeWorldCore):
+        """Run the rounds until the run ends or the connection is closed; in a thread of its own."""
+        core, detector, access = self.core, self._failure_detector, self._access
+        if isinstance(core, RealTimeWorldCore):
             self.punctuality = run_real_time(
-                self.core,
-                self._failure_detector,
-                self.connection,
-                self._act,
-                self.options.answer_s_max,
+                core, detector, self.connection, access.change, self.options.answer_s_max
             )
             return
-        self._act(self._failure_detector.begin)
+        access.change(detector.begin)
         with contextlib.suppress(ConnectionClosed):
-            while self.core.ended is None:
-                key, payload = self.connection.receive()
-                with self._lock:
-                    self._send(self.core.receive(key, payload))
-                    self._send(self._failure_detector.sign_of_life(key, payload))
-
-    def _act(self, change: Callable[[], Outgoing], key: str = "") -> None:
-        """Do something with the core, from whatever thread, and send what comes of it."""
-        try:
-            with self._lock:
-                self._send(change())
-        except ProtocolError as error:
-            self.core.refuse(key, error)
-        except RunCannotContinue as error:
-            self._loop.call_soon_threadsafe(self.stop, str(error))
-        except ConnectionClosed:
-            pass
-        if self.core.ended is not None:
-            self._loop.call_soon_threadsafe(self._ended.set)
-
-    def _send(self, outgoing: Outgoing) -> None:
-        if outgoing:
-            send_in_batches(self.connection, outgoing)
-            send(self.connection, self.core.commit())
-
-    async def _watch_progress(self) -> None:
-        """Report progress, and see to it that nobody is waited for too long."""
-        tick, waited_s, again_s, looked_s = -1, 0.0, RESEND_PERIOD_S, time.monotonic()
-        reminded_s = looked_s
-        while True:
-            state, now_s = self.core.state, time.monotonic()
-            waited_s += min(now_s - looked_s, LOOK_GAP_S_MAX)
-            looked_s = now_s
-            self._report_departures()
-            if now_s - reminded_s > RESEND_PERIOD_S:
-                reminded_s = now_s
-                self._act(self._failure_detector.reminders)
-            if state.tick != tick:
-                tick, waited_s, again_s = state.tick, 0.0, RESEND_PERIOD_S
-                distances_m = state.geometry.distances[:-1, -1 - self._fixed].tolist()
-                lost = list(self.core.lost)
-                self.report({"tick": tick, "distances_m": distances_m, "lost": lost})
-            elif isinstance(self.core, RealTimeWorldCore):
-                # The clock ends ticks, however long; silence would tell the starter of a hang.
-                if again_s < waited_s < self.core.arena.scenario.tick_s + RESEND_PERIOD_S:
-                    again_s += RESEND_PERIOD_S
-                    self.report({"waiting": []})
-            elif waited_s > self._patience_s(tick):
-                waited_s, again_s = 0.0, RESEND_PERIOD_S
-                self._act(
-                    partial(self._failure_detector.answer_overdue, tick, self._patience_s(tick))
-                )
-            elif waited_s > again_s:
-                # A router that was restarted has lost what was under way.
-                again_s += RESEND_PERIOD_S
-                self.report({"waiting": self.core.table.waiting()})
-                if tick != self._resumed_tick:
-                    self._act(self.core.unanswered)
-            await asyncio.sleep(WATCH_PERIOD_S)
-
-    def _patience_s(self, tick: int) -> float:
-        """How long to wait, in s, for the answers to the observations of a tick."""
-        longest = max(self.options.answer_s_max, self.options.join_s_max)
-        return longest if tick == self._resumed_tick else self.options.answer_s_max
-
-    def _report_departures(self) -> None:
-        """Say what has become of robots since the last time."""
-        departures = self.core.departures
-        while self._departures_reported < len(departures):
-            tick, robot, what = departures[self._departures_reported]
-            self._departures_reported += 1
-            self.report({"departure": [tick, robot, what]})
-            say_error(f"world: tick {tick}: robot {robot} is {what}")
-            if NO_ANSWER in what:
-                self._version_checks[robot] = asyncio.create_task(
-                    asyncio.to_thread(self._explain_silence, robot)
+            while core.ended is None:
+                message = self.connection.receive()
+                access.change_in_thread(
+                    partial(core.receive, *message), partial(detector.sign_of_life, *message)
                 )
 
-    def _explain_silence(self, robot: str) -> None:
-        """Say so if a robot that does not answer speaks another version."""
-        key = robot_key(self.core.run, robot, "about")
-        info = self.connection.query_info(key, self.options.answer_s_max)
-        if info is not None and info.wire != VERSION:
-            say_error(
-                f"world: robot {robot} speaks version {info.wire} of the wire, this is {VERSION}:"
-                " install the same Encircle on every host"
+    def _run_watch(self) -> RunWatch:
+        options, now_s = self.options, time.monotonic()
+        watch = (
+            RealTimeWatch(self.core.arena.scenario.tick_s, now_s)
+            if isinstance(self.core, RealTimeWorldCore)
+            else LockStepWatch(
+                options.answer_s_max,
+                self._resumed_tick,
+                max(options.answer_s_max, options.join_s_max),
+                now_s,
             )
-
-    @property
-    def _fixed(self) -> int:
-        return len(self.core.arena.scenario.obstacles)
-
-    def _alive_changed(self, key: str, alive: bool) -> None:
-        self._loop.call_soon_threadsafe(self._robot_changed, key, alive)
-
-    def _robot_changed(self, key: str, alive: bool) -> None:
-        change = (
-            self._failure_detector.token_appeared
-            if alive
-            else self._failure_detector.token_vanished
         )
-        expected = self._failure_detector.expected
-        self._act(lambda: change(parse_key(key).robot or ""), key)
-        if self._failure_detector.expected != expected and not self._failure_detector.begun:
-            self.report({"expected": list(self._failure_detector.expected)})
-        if not self._failure_detector.expected:
-            self._all_joined.set()
+        return RunWatch(
+            self.core.rounds,
+            self._access,
+            self._failure_detector,
+            watch,
+            self._departures,
+            self.report,
+        )
 
-    def _give_up_joining(self) -> None:
-        if self._failure_detector.may_begin:
-            self._all_joined.set()
-            return
-        absent = ", ".join(self._failure_detector.expected)
-        self.stop(f"{absent} did not join within {self.options.join_s_max:g} s")
+    def _refuse(self, key: str, payload: bytes) -> None:
+        """Take in a message from before the first round, when none is in turn."""
+        if isinstance(self.core, RealTimeWorldCore):
+            self.core.take(key, payload, self.core.now_us)
+        else:
+            self.core.receive(key, payload)
 
 
 async def _first_of(*futures: "asyncio.Future[Any]") -> None:

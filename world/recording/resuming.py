@@ -22,14 +22,16 @@ from encircle.protocol.keys import parse_key
 from encircle.protocol.messages import Observation, Setup
 from encircle.protocol.process.interrupts import check
 from encircle.world.arena.engine import build
-from encircle.world.coordinator.world_core import Outgoing, WorldCore
+from encircle.world.coordinator.membership import DepartureCause, is_crashed
+from encircle.world.coordinator.outgoing import Outgoing
+from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.recording.recording import Recording, RecordingError, read_recording
 from encircle.world.recording.run_directory import attempts, versions
 from encircle.world.scenario.channel_model import Crash
 
 MUST_BE_EQUAL = ("encircle", "protocol")
 """Versions without which it makes no sense to try; the rest shows in what is decided."""
-LOST_BEFORE = "before the run was resumed"
+LOST_BEFORE = DepartureCause.BEFORE_RESUMING
 
 Recorded = tuple[int, str, bytes]
 
@@ -108,11 +110,11 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
         check()
         tick = core.state.tick
         _play(core, rounds[tick], rounds.get(tick + 1, _Round()))
-        if core.state.tick == tick and core.plugin_failure is None:
+        if core.state.tick == tick and core.rounds.plugin_failure is None:
             raise RecordingError(
                 f"{recording.path}: not all that robots said at tick {tick} counts"
             )
-    core.commit()
+    core.rounds.commit()
     _check_same(recording, messages)
     if recording.complete and core.ended is not None:
         raise RecordingError(
@@ -124,12 +126,12 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
 
 def _play(core: WorldCore, now: _Round, then: _Round) -> None:
     """Play a whole round; ``then`` is the next one, in which it shows who was lost in this one."""
-    asked, tick = core.table.waiting(), core.state.tick
+    asked, tick = core.rounds.table.waiting(), core.state.tick
     lost_then = then.lost
     if lost_then is None:
         # The recording may end among the setups, which come before any observation.
-        lost_then = tuple(robot for robot in core.lost if robot not in then.back)
-    for robot in core.lost:
+        lost_then = tuple(robot for robot in core.rounds.lost if robot not in then.back)
+    for robot in core.rounds.lost:
         if robot not in lost_then:
             core.join(robot)
         elif not _crashed(core, robot, tick + 1):
@@ -150,10 +152,7 @@ def _play(core: WorldCore, now: _Round, then: _Round) -> None:
 def _crashed(core: WorldCore, robot: str, tick: int) -> bool:
     """Whether the scenario has taken a robot away at a tick."""
     return any(
-        isinstance(event, Crash)
-        and event.robot == robot
-        and event.tick <= tick
-        and (event.ticks is None or tick < event.tick + event.ticks)
+        isinstance(event, Crash) and event.robot == robot and is_crashed(event, tick)
         for event in core.arena.scenario.events
     )
 
@@ -203,8 +202,8 @@ def _check_same(recording: Recording, messages: list[Recorded]) -> None:
 
 
 def _histories(core: WorldCore, messages: list[Recorded]) -> dict[str, Outgoing]:
-    tick, again = core.state.tick, {key for key, _ in core.unanswered()}
-    found: dict[str, Outgoing] = {robot: [] for robot in core.table.waiting()}
+    tick, again = core.state.tick, {key for key, _ in core.rounds.unanswered()}
+    found: dict[str, Outgoing] = {robot: [] for robot in core.rounds.table.waiting()}
     for sent_tick, key, payload in messages:
         _, robot, channel = parse_key(key)
         if robot not in found:

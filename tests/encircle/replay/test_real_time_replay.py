@@ -47,7 +47,7 @@ def test_observations_passed_over_and_late_commands_are_no_trouble(tmp_path, rad
 def test_a_robot_that_is_lost_and_back_begins_anew(tmp_path, radio):
     crash = 'events=[{kind="crash",robot="r3",tick=20,ticks=30}]'
     played = Simulated(by_clock(f"radio={radio}", crash), delays_us, out=tmp_path)
-    result = played.run().result()
+    result = played.run().rounds.result()
     assert [(tick, robot) for tick, robot, _ in result.departures] == [(20, "r3"), (50, "r3")]
     found = replay(tmp_path)
     assert found.same

@@ -11,6 +11,7 @@ import pytest
 from helpers_hosts import Party
 from helpers_hunt import ENDLESS, LONG, ROBOTS
 from helpers_waiting import LONGEST_S, completed
+from helpers_world import departures_of
 
 import encircle
 from encircle.protocol import VERSION
@@ -70,7 +71,7 @@ def test_robots_killed_started_anew_frozen_and_thawed_are_lost_and_counted_in_ag
     assert set(teams_at(recording, ticks[2] + 1)) == {"r1", "r2", "r4"}
     assert teams_at(recording, ticks[3] + 5) == everybody
     # Whoever takes the run up comes to the same, losses and returns included.
-    rebuilt = rebuild(recording).core.departures
+    rebuilt = departures_of(rebuild(recording).core)
     assert [(t, robot, what[:4]) for t, robot, what in rebuilt] == [
         (t, robot, what[:4]) for t, robot, what in departures
     ]

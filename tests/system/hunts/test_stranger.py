@@ -236,7 +236,7 @@ def test_strangers_among_themselves_capture_too(stranger, scenario):
                 answers += world.receive(robot_key(RUN, robot, channel), said)
         mail = answers
     assert world.ended == "captured"
-    assert not world.refused
+    assert not world.rounds.refused
     assert not any(robot.refused for robot in robots.values())
 
 

@@ -1,13 +1,14 @@
 """Who is there: tokens, silence and signs of life, and what the world makes of them."""
 
 import pytest
-from helpers_world import RUN, answers, arena, command, pose
+from helpers_world import RUN, answers, arena, command, departures_of, pose
 
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import encode
 from encircle.protocol.errors import OutOfTurn
 from encircle.protocol.keys import robot_key
 from encircle.world.coordinator.failure_detector import FailureDetector, RunCannotContinue
+from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.world_core import WorldCore
 
 ROBOTS = ("r1", "r2", "r3", "r4")
@@ -49,7 +50,7 @@ def test_the_run_waits_for_everyone_and_for_who_was_there_before():
     assert [key for key, _ in roll.token_appeared("r3")] == [robot_key(RUN, "r3", "setup")]
     assert roll.expected == ()
     assert [key for key, _ in roll.begin()] == [robot_key(RUN, r, "observation") for r in ROBOTS]
-    assert core.departures == []
+    assert departures_of(core) == []
 
 
 @pytest.mark.parametrize("robot", ["r9", "", "*"])
@@ -68,26 +69,26 @@ def test_a_robot_whose_token_goes_is_lost_and_counted_in_again_with_its_token():
     assert {key for key, _ in outgoing} == {
         robot_key(RUN, robot, "observation") for robot in ("r1", "r3", "r4")
     }
-    assert core.departures == [(0, "r2", "lost: it is gone")]
+    assert departures_of(core) == [(0, "r2", "lost: it is gone")]
     assert roll.token_vanished("r2") == []
     assert roll.token_appeared("r2") == []
     answer(core, "r1", "r3", "r4")
-    assert core.departures[1:] == [(2, "r2", "back")]
-    assert core.table.waiting() == ROBOTS
+    assert departures_of(core)[1:] == [(2, "r2", "back")]
+    assert core.rounds.table.waiting() == ROBOTS
 
 
 def test_those_that_do_not_answer_are_lost_and_a_late_answer_brings_them_back():
     core, roll = attended()
     answer(core, "r1", "r3")
     roll.answer_overdue(0, 3.0)
-    assert core.departures == [(0, r, "lost: no answer for 3 s") for r in ("r2", "r4")]
+    assert departures_of(core) == [(0, r, "lost: no answer for 3 s") for r in ("r2", "r4")]
     assert core.state.tick == 1
     for key, payload in said_by("r4", 0):
         assert core.receive(key, payload) == []
         roll.sign_of_life(key, payload)
     answer(core, "r1", "r3")
-    assert core.departures[2:] == [(2, "r4", "back")]
-    assert core.lost == ("r2",)
+    assert departures_of(core)[2:] == [(2, "r4", "back")]
+    assert core.rounds.lost == ("r2",)
 
 
 def test_a_robot_that_missed_what_it_was_asked_is_asked_anew_until_it_answers():
@@ -110,7 +111,7 @@ def test_a_robot_that_missed_what_it_was_asked_is_asked_anew_until_it_answers():
         roll.sign_of_life(*message)
     assert roll.reminders() == []
     answer(core, "r1", "r3", "r4")
-    assert core.departures == [(1, "r2", "lost: no answer for 3 s"), (4, "r2", "back")]
+    assert departures_of(core) == [(1, "r2", "lost: no answer for 3 s"), (4, "r2", "back")]
 
 
 @pytest.mark.parametrize("fell_silent_before", [False, True])
@@ -122,14 +123,14 @@ def test_a_robot_whose_token_went_and_that_is_there_all_the_same_is_back(fell_si
     if fell_silent_before:
         roll.answer_overdue(1, 3.0)
     roll.token_vanished("r2")
-    lost = core.departures[-1]
+    lost = departures_of(core)[-1]
     # What comes in the next moment was under way when it went.
     for _ in range(2):
         for message in said_by("r2", 1):
             roll.sign_of_life(*message)
-        assert core.lost == ("r2",)
+        assert core.rounds.lost == ("r2",)
         answer(core, "r1", "r3", "r4")
-        assert core.lost == ("r2",)
+        assert core.rounds.lost == ("r2",)
         asked = roll.reminders()
     assert [key for key, _ in asked] == [
         robot_key(RUN, "r2", channel) for channel in ("setup", "observation")
@@ -140,15 +141,15 @@ def test_a_robot_whose_token_went_and_that_is_there_all_the_same_is_back(fell_si
         roll.sign_of_life(*message)
     assert roll.reminders() == []
     answer(core, "r1", "r3", "r4")
-    assert core.departures == [lost, (core.state.tick, "r2", "back")]
+    assert departures_of(core) == [lost, (core.state.tick, "r2", "back")]
     # Its token, if that comes yet, brings nobody else, and counts from then on.
     assert roll.token_appeared("r2") == []
-    assert core.refused == {}
+    assert core.rounds.refused == {}
     roll.token_vanished("r2")
-    assert core.departures[2:] == [(core.state.tick, "r2", "lost: it is gone")]
+    assert departures_of(core)[2:] == [(core.state.tick, "r2", "lost: it is gone")]
     roll.token_appeared("r2")
     answer(core, "r1", "r3", "r4")
-    assert core.departures[3:] == [(core.state.tick, "r2", "back")]
+    assert departures_of(core)[3:] == [(core.state.tick, "r2", "back")]
 
 
 def test_a_robot_that_spoke_without_a_token_and_fell_silent_is_back_with_one():
@@ -159,12 +160,12 @@ def test_a_robot_that_spoke_without_a_token_and_fell_silent_is_back_with_one():
     for message in said_by("r2", 0):
         roll.sign_of_life(*message)
     answer(core, "r1", "r3", "r4")
-    assert core.lost == ()
+    assert core.rounds.lost == ()
     answer(core, "r1", "r3", "r4")
     roll.answer_overdue(core.state.tick, 3.0)
     roll.token_appeared("r2")
     answer(core, "r1", "r3", "r4")
-    assert core.lost == ()
+    assert core.rounds.lost == ()
 
 
 def test_a_robot_that_is_gone_is_not_asked_anew_at_once():
@@ -175,7 +176,7 @@ def test_a_robot_that_is_gone_is_not_asked_anew_at_once():
     assert roll.reminders() == []
     roll.token_appeared("r2")
     answer(core, "r1", "r3", "r4")
-    assert core.departures[1:] == [(2, "r2", "back")]
+    assert departures_of(core)[1:] == [(2, "r2", "back")]
     assert roll.reminders() == []
 
 
@@ -184,18 +185,18 @@ def test_an_answer_that_comes_in_the_last_moment_makes_nobody_else_late():
     answer(core, *ROBOTS)
     assert core.state.tick == 1
     assert roll.answer_overdue(0, 3.0) == []
-    assert core.departures == []
+    assert departures_of(core) == []
 
 
 def test_a_robot_that_goes_as_the_run_begins_is_lost_in_its_first_round_and_may_come_back():
     core, roll = attended(begun=False)
     roll.token_vanished("r2")
     roll.begin()
-    assert core.departures == [(0, "r2", "lost: it is gone")]
-    assert core.table.waiting() == ("r1", "r3", "r4")
+    assert departures_of(core) == [(0, "r2", "lost: it is gone")]
+    assert core.rounds.table.waiting() == ("r1", "r3", "r4")
     roll.token_appeared("r2")
     answer(core, "r1", "r3", "r4")
-    assert core.departures[1:] == [(1, "r2", "back")]
+    assert departures_of(core)[1:] == [(1, "r2", "back")]
 
 
 def test_only_its_own_whole_messages_are_a_robots_sign_of_life():
@@ -217,7 +218,7 @@ def test_only_its_own_whole_messages_are_a_robots_sign_of_life():
     ]:
         roll.sign_of_life(where, payload)
     answer(core, "r1", "r3", "r4")
-    assert core.lost == ("r2",)
+    assert core.rounds.lost == ("r2",)
 
 
 def test_what_a_robot_had_sent_before_it_was_gone_does_not_bring_it_back():
@@ -227,7 +228,7 @@ def test_what_a_robot_had_sent_before_it_was_gone_does_not_bring_it_back():
     for key, payload in said_by("r2", 0):
         roll.sign_of_life(key, payload)
     answer(core, "r1", "r3", "r4")
-    assert core.lost == ("r2",)
+    assert core.rounds.lost == ("r2",)
 
 
 def test_without_any_robot_left_the_run_ends():
@@ -248,12 +249,12 @@ def test_a_run_may_be_told_to_end_with_the_first_loss(begun):
     core, roll = attended("end", begun)
     with pytest.raises(RunCannotContinue, match="robot r2 is gone"):
         roll.token_vanished("r2")
-    assert core.departures == []
+    assert departures_of(core) == []
 
 
 def test_nobody_is_lost_of_whom_nothing_is_awaited():
     core, roll = attended()
-    core.fail("for a test")
+    core.rounds.fail("for a test")
     assert roll.token_vanished("r2") == []
     core, roll = attended(begun=False)
     assert roll.answer_overdue(0, 3.0) == []
@@ -266,10 +267,10 @@ def resumed(lost=(), changes=()):
         core.join(robot)
     core.begin()
     for robot in lost:
-        core.leave(robot, "it is gone")
+        core.leave(robot, DepartureCause.GONE)
     for _ in range(2):
-        answer(core, *core.table.waiting())
-    histories = {r: [(robot_key(RUN, r, "setup"), b"so far")] for r in core.table.waiting()}
+        answer(core, *core.rounds.table.waiting())
+    histories = {r: [(robot_key(RUN, r, "setup"), b"so far")] for r in core.rounds.table.waiting()}
     return core, FailureDetector(core, "go-on", histories)
 
 
@@ -289,7 +290,7 @@ def test_robots_of_a_run_that_is_resumed_are_told_what_was_and_asked():
         roll.token_appeared(robot)
     roll.begin()
     answer(core, "r1", "r3", "r4")
-    assert core.departures[1:] == [(3, "r2", "back")]
+    assert departures_of(core)[1:] == [(3, "r2", "back")]
     with pytest.raises(OutOfTurn, match="not in this team"):
         resumed()[1].token_appeared("r9")
 
@@ -299,7 +300,7 @@ def test_a_run_that_is_resumed_goes_on_without_those_that_do_not_come():
     for robot in ("r1", "r4"):
         roll.token_appeared(robot)
     roll.begin()
-    assert [d[1:] for d in core.departures] == [
+    assert [d[1:] for d in departures_of(core)] == [
         (robot, "lost: it did not come back") for robot in ("r2", "r3")
     ]
     answer(core, "r1", "r4")
@@ -314,10 +315,10 @@ def test_a_robot_that_the_scenario_had_taken_away_and_that_does_not_come_is_not_
     roll.begin()
     for _ in range(4):
         answer(core, "r1", "r2", "r4")
-    assert (core.state.tick, core.lost) == (6, ("r3",))
+    assert (core.state.tick, core.rounds.lost) == (6, ("r3",))
     roll.token_appeared("r3")
     answer(core, "r1", "r2", "r4")
-    assert core.table.waiting() == ROBOTS
+    assert core.rounds.table.waiting() == ROBOTS
     # Gone once more, it is missed once more.
     roll.token_vanished("r3")
-    assert core.departures[-1] == (7, "r3", "lost: it is gone")
+    assert departures_of(core)[-1] == (7, "r3", "lost: it is gone")

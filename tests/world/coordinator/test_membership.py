@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 from helpers_paths import DOCS
-from helpers_world import RUN, SQUARE, answers, arena, begun, small
+from helpers_world import RUN, SQUARE, answers, arena, begun, departures_of, small
 
 import encircle
 from encircle.agents.brain.robot_core import RobotCore
@@ -27,6 +27,7 @@ from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
 from encircle.world.arena.dynamics import COAST_TICKS
 from encircle.world.arena.engine import build
+from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.loading.load import load
 from encircle.world.recording.recording import read_recording
@@ -56,12 +57,12 @@ def test_a_round_no_longer_waits_for_a_robot_that_is_lost_and_the_others_are_tol
     for robot in ("r1", "r2", "r4"):
         for sent in said_by(core, robot):
             assert core.receive(*sent) == []
-    following = observed(core.leave("r3", "it is gone"))
+    following = observed(core.leave("r3", DepartureCause.GONE))
     assert core.state.tick == 1
     assert list(following) == ["r1", "r2", "r4"]
     assert {seen.lost for seen in following.values()} == {("r3",)}
-    assert core.lost == ("r3",)
-    assert core.result().departures == ((0, "r3", "lost: it is gone"),)
+    assert core.rounds.lost == ("r3",)
+    assert core.rounds.result().departures == ((0, "r3", "lost: it is gone"),)
 
 
 @pytest.mark.parametrize("half", [0, 1])
@@ -71,10 +72,10 @@ def test_half_an_answer_of_a_robot_that_is_lost_counts_for_nothing(half):
     for robot in ("r1", "r2", "r4"):
         for sent in said_by(core, robot):
             core.receive(*sent)
-    core.leave("r3", "killed")
+    core.leave("r3", DepartureCause.GONE)
     np.testing.assert_array_equal(core.state.positions[2], SQUARE[2])
-    assert (core.fates.due[2] == 0).all()
-    assert (core.fates.due[:2, 2] == -4).all()  # receiver-silent: its radio is gone
+    assert (core.rounds.fates.due[2] == 0).all()
+    assert (core.rounds.fates.due[:2, 2] == -4).all()  # receiver-silent: its radio is gone
 
 
 def test_an_answer_given_in_full_stands_though_its_robot_is_lost_before_the_round_is_over():
@@ -83,21 +84,21 @@ def test_an_answer_given_in_full_stands_though_its_robot_is_lost_before_the_roun
         for robot in ("r1", "r2", "r3"):
             for sent in said_by(core, robot):
                 core.receive(*sent)
-    assert goes.leave("r3", "killed") == []
+    assert goes.leave("r3", DepartureCause.GONE) == []
     for core in (stays, goes):
         for sent in said_by(core, "r4"):
             core.receive(*sent)
     np.testing.assert_array_equal(goes.state.positions, stays.state.positions)
-    np.testing.assert_array_equal(goes.fates.due, stays.fates.due)
+    np.testing.assert_array_equal(goes.rounds.fates.due, stays.rounds.fates.due)
 
 
 def test_a_lost_robot_is_set_up_afresh_for_its_next_observation():
     core = begun(WorldCore(arena(), RUN))
-    core.leave("r2", "frozen")
+    core.leave("r2", DepartureCause.NO_ANSWER)
     late = said_by(core, "r2")
     for sent in late:
         assert core.receive(*sent) == []
-    assert core.refused == {"out-of-turn": 2}
+    assert core.rounds.refused == {"out-of-turn": 2}
     assert core.join("r2") == []
     with pytest.raises(OutOfTurn):
         core.join("r1")
@@ -111,17 +112,17 @@ def test_a_lost_robot_is_set_up_afresh_for_its_next_observation():
     assert (setup.first_tick, setup.answer_tick) == (1, 1)
     assert list(observed(out)) == ["r1", "r2", "r3", "r4"]
     assert {seen.lost for seen in observed(out).values()} == {()}
-    assert core.result().departures == ((0, "r2", "lost: frozen"), (1, "r2", "back"))
+    assert core.rounds.result().departures == ((0, "r2", "lost: no answer"), (1, "r2", "back"))
 
 
 def test_a_robot_asked_again_after_it_is_back_gets_its_setup_again_too():
     core = begun(WorldCore(arena(), RUN))
-    core.leave("r2", "frozen")
+    core.leave("r2", DepartureCause.NO_ANSWER)
     core.join("r2")
     for robot in ("r1", "r3", "r4"):
         for sent in said_by(core, robot):
             core.receive(*sent)
-    again = core.unanswered()
+    again = core.rounds.unanswered()
     assert [parse_key(key).channel for key, _ in again] == ["setup"] + ["observation"] * 4
     robot = RobotCore("r2", RUN)
     first, second = ([robot.receive(*sent) for sent in again if "/r2/" in sent[0]] for _ in "ab")
@@ -133,30 +134,30 @@ def test_before_the_run_begins_a_robot_may_go_and_come_and_the_run_waits_for_it(
     core = WorldCore(arena(), RUN)
     for robot in core.arena.ids:
         core.join(robot)
-    assert core.leave("r2", "gone") == []
-    assert core.lost == ("r2",)
+    assert core.leave("r2", DepartureCause.GONE) == []
+    assert core.rounds.lost == ("r2",)
     [(_, payload)] = core.join("r2")
     assert decode(Setup, payload, RUN).first_tick == 0
-    assert core.lost == ()
+    assert core.rounds.lost == ()
     assert len(core.begin()) == 4
-    assert core.result().departures == ()
+    assert core.rounds.result().departures == ()
 
 
 def test_to_lose_a_robot_twice_is_to_lose_it_once_and_an_unknown_one_is_out_of_turn():
     core = begun(WorldCore(arena(), RUN))
-    core.leave("r2", "gone")
-    assert core.leave("r2", "gone again") == []
-    assert len(core.departures) == 1
+    core.leave("r2", DepartureCause.GONE)
+    assert core.leave("r2", DepartureCause.GONE) == []
+    assert len(core.rounds.departures) == 1
     with pytest.raises(OutOfTurn):
-        core.leave("r9", "gone")
+        core.leave("r9", DepartureCause.GONE)
 
 
 def test_when_all_are_lost_the_rest_is_played_without_any_and_ends():
     core = begun(WorldCore(arena(), RUN))
     for robot in core.arena.ids:
-        ends = core.leave(robot, "gone")
+        ends = core.leave(robot, DepartureCause.GONE)
     assert [parse_key(key).channel for key, _ in ends] == ["end"] * 4
-    result = core.result()
+    result = core.rounds.result()
     assert (result.ended, result.ticks, result.captured) == ("ticks", 10, False)
     assert (result.packets_sent, result.packets_in_flight) == (0, 0)
 
@@ -290,18 +291,18 @@ def test_a_recording_shows_when_a_robot_is_lost_in_the_midst_of_a_round(tmp_path
         out = []
         for key, payload in said:
             if parse_key(key).robot == "r4" and core.state.tick in (3, 7):
-                out += core.leave("r4", "frozen")
+                out += core.leave("r4", DepartureCause.NO_ANSWER)
             else:
                 out += core.receive(key, payload)
         if core.state.tick == 6:
             core.join("r4")
-    core.commit()
+    core.rounds.commit()
     recorder.close()
     check = replay(tmp_path / "run")
-    assert core.departures == [
-        (3, "r4", "lost: frozen"),
+    assert departures_of(core) == [
+        (3, "r4", "lost: no answer"),
         (7, "r4", "back"),
-        (7, "r4", "lost: frozen"),
+        (7, "r4", "lost: no answer"),
     ]
     assert check.same
     there = log_of_recording(read_recording(tmp_path / "run")).there[:, 3]
@@ -328,15 +329,15 @@ def test_the_digest_covers_losses_and_the_program_of_the_page_agrees(
 
 def test_why_a_robot_was_lost_is_not_in_the_digest_but_that_it_was_is():
     digests = []
-    for why in (None, "killed", "frozen"):
+    for cause in (None, DepartureCause.GONE, DepartureCause.NO_ANSWER):
         core = begun(WorldCore(arena(), RUN))
         for tick in range(10):
             for key, payload in answers(core):
-                if core.ended is None and parse_key(key).robot not in core.lost:
+                if core.ended is None and parse_key(key).robot not in core.rounds.lost:
                     core.receive(key, payload)
-            if tick == 4 and why:
-                core.leave("r1", why)
-        digests.append(core.result().digest)
+            if tick == 4 and cause:
+                core.leave("r1", cause)
+        digests.append(core.rounds.result().digest)
     assert digests[0] != digests[1] == digests[2]
 
 
@@ -380,11 +381,11 @@ def test_a_run_without_losses_has_the_digest_that_it_would_have_if_none_could_be
             parts.append(part)
 
     core = WorldCore(arena("ticks_max=1"), RUN)
-    core._journal.digest = Hashed()
+    core.rounds.journal.hash = Hashed()
     begun(core)
     for sent in answers(core):
         core.receive(*sent)
-    core.commit()
+    core.rounds.commit()
     bodies = 2 * len(core.arena.ids)
     assert len(parts) == 1 + 1 + bodies + 1  # truth; fates; poses and commands; truth
 

@@ -2,13 +2,14 @@
 
 import pytest
 from helpers_real_time import EPOCH_US, RUN, by_clock
-from helpers_world import command, pose
+from helpers_world import command, departures_of, pose
 
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import Observation, Setup
 from encircle.world.arena.engine import build
+from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.real_time_core import RealTimeWorldCore, has_perfect_channel
 
 STEP = (0.125, 0.0)
@@ -18,7 +19,7 @@ def world(*overrides: str) -> RealTimeWorldCore:
     core = RealTimeWorldCore(build(by_clock(*overrides), 1), RUN)
     for robot in core.arena.ids:
         core.join(robot)
-    core.at(EPOCH_US)
+    core.now_us = EPOCH_US
     core.told = observations(core.begin())
     return core
 
@@ -72,8 +73,8 @@ def test_a_command_in_time_moves_its_robot_and_the_step_is_held_then_nothing():
     core = world("team.hold_ticks_max=2")
     commanded(core, "r2", 0)
     assert [moved(core, "r2") for _ in range(5)] == [0.125, 0.125, 0.125, 0.0, 0.0]
-    assert core.summary()["r2"] == {"late": 0, "held": 2, "stood_still": 2, "superseded": 0}
-    assert core.summary()["r1"]["stood_still"] == 5
+    assert core.answers.summary()["r2"] == {"late": 0, "held": 2, "stood_still": 2, "superseded": 0}
+    assert core.answers.summary()["r1"]["stood_still"] == 5
 
 
 def test_a_late_command_is_counted_and_holds_from_its_own_tick():
@@ -82,7 +83,7 @@ def test_a_late_command_is_counted_and_holds_from_its_own_tick():
     commanded(core, "r2", 1)
     # Of tick 1, it may be held up to tick 3.
     assert [moved(core, "r2") for _ in range(3)] == [0.125, 0.125, 0.0]
-    assert core.summary()["r2"] == {"late": 1, "held": 2, "stood_still": 3, "superseded": 0}
+    assert core.answers.summary()["r2"] == {"late": 1, "held": 2, "stood_still": 3, "superseded": 0}
 
 
 def test_an_order_to_stand_still_ends_the_holding():
@@ -91,7 +92,7 @@ def test_an_order_to_stand_still_ends_the_holding():
     assert moved(core, "r2") == 0.125
     commanded(core, "r2", 0, (0.0, 0.0), mode="stop", published=False)
     assert moved(core, "r2") == 0.0
-    assert core.summary()["r2"]["late"] == 0
+    assert core.answers.summary()["r2"]["late"] == 0
 
 
 @pytest.mark.parametrize("tick", [0, 1, 3])
@@ -101,15 +102,15 @@ def test_commands_that_cannot_be_now_are_refused(tick):
     ended_tick(core)
     commanded(core, "r1", 2)
     commanded(core, "r1", 2 if tick == 1 else tick)
-    assert core.refused == {"out-of-turn": 1}
-    assert core.summary()["r1"]["late"] == 0
+    assert core.rounds.refused == {"out-of-turn": 1}
+    assert core.answers.summary()["r1"]["late"] == 0
 
 
 def test_a_robot_outside_the_team_is_refused():
     core = world()
     commanded(core, "r9", 0)
     sent(core, "r9", 0, 0)
-    assert core.refused == {"out-of-turn": 2}
+    assert core.rounds.refused == {"out-of-turn": 2}
 
 
 def test_a_packet_goes_on_the_radio_in_the_tick_in_which_it_comes():
@@ -128,9 +129,9 @@ def test_of_several_packets_in_one_tick_the_newest_goes_and_the_others_are_count
     sent(core, "r1", 0, 0)
     newest = sent(core, "r1", 1, 1)
     assert ended_tick(core)["r3"].inbox == (newest,)
-    assert core.summary()["r1"]["superseded"] == 1
+    assert core.answers.summary()["r1"]["superseded"] == 1
     sent(core, "r1", 1, 1)
-    assert core.refused == {"out-of-turn": 1}
+    assert core.rounds.refused == {"out-of-turn": 1}
 
 
 def test_direct_with_a_perfect_channel_says_nothing_of_packets():
@@ -154,7 +155,7 @@ def test_direct_with_a_channel_tells_which_packets_it_admits_and_draws_fates_as_
         assert told["r2"].inbox == ()
         assert len(delivered["r2"].inbox) == len(arrives)
         assert delivered["r2"].admitted is None
-    assert core.fates.due.tolist() == reference.fates.due.tolist()
+    assert core.rounds.fates.due.tolist() == reference.rounds.fates.due.tolist()
 
 
 @pytest.mark.parametrize(
@@ -190,35 +191,35 @@ def test_a_lost_robot_is_refused_until_it_is_back_and_then_begins_afresh():
         for robot in core.arena.ids:
             commanded(core, robot, tick)
         ended_tick(core)
-    assert core.leave("r2", "no answer") == []
+    assert core.leave("r2", DepartureCause.NO_ANSWER) == []
     assert core.state.tick == 3
     told = ended_tick(core)
     assert "r2" not in told
     assert told["r1"].lost == ("r2",)
     commanded(core, "r2", 3)
-    assert core.refused == {"out-of-turn": 1}
+    assert core.rounds.refused == {"out-of-turn": 1}
     core.join("r2")
     messages = core.end_tick(EPOCH_US)
     [setup] = [decode(Setup, p, RUN) for key, p in messages if key.endswith("/setup")]
     assert (setup.robot, setup.first_tick, setup.answer_tick) == ("r2", 5, 5)
     commanded(core, "r2", 4)
-    assert core.refused == {"out-of-turn": 2}
+    assert core.rounds.refused == {"out-of-turn": 2}
     assert moved(core, "r2") == 0.0
     commanded(core, "r2", 6)
     assert moved(core, "r2") == 0.125
-    assert [what for _, _, what in core.departures] == ["lost: no answer", "back"]
+    assert [what for _, _, what in departures_of(core)] == ["lost: no answer", "back"]
 
 
 def test_what_comes_is_recorded_as_it_came_with_the_time_and_stand_ins_are_not():
     core = world()
     recorded = []
-    core.record = lambda *message: recorded.append(message)
+    core.record_with(lambda *message: recorded.append(message))
     core.take(robot_key(RUN, "r1", "command"), encode(command("r1", 0), RUN), EPOCH_US + 3)
     core.end_tick(EPOCH_US + 20)
-    core.commit()
+    core.rounds.commit()
     core.take(robot_key(RUN, "r2", "command"), encode(command("r2", 0), RUN), EPOCH_US + 23)
     core.end_tick(EPOCH_US + 40)
-    core.commit()
+    core.rounds.commit()
     commands = [(tick, key, at) for tick, key, _, at in recorded if key.endswith("/command")]
     assert commands == [
         (0, robot_key(RUN, "r1", "command"), EPOCH_US + 3),
@@ -256,7 +257,7 @@ def test_what_a_robot_is_asked_anew_a_robot_takes_that_has_just_begun():
             commanded(core, robot, tick)
         told = ended_tick(core)
     assert told["r2"].answered == 2
-    (setup_key, setup), (key, asked) = core.restart_messages("r2")
+    (setup_key, setup), (key, asked) = core.rounds.restart_messages("r2")
     assert decode(Setup, setup, RUN).first_tick == decode(Observation, asked, RUN).tick == 3
     robot = RobotCore("r2", RUN)
     robot.receive(setup_key, setup)

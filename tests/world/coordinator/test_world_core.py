@@ -86,7 +86,7 @@ def refusals(tick):
 
 
 def test_what_should_not_have_been_sent_is_refused_counted_logged_and_changes_nothing():
-    undisturbed = played(arena(*LIVELY)).result()
+    undisturbed = played(arena(*LIVELY)).rounds.result()
     log, expected = [], Counter()
     core = begun(WorldCore(arena(*LIVELY), RUN, log.append))
     while core.ended is None:
@@ -96,21 +96,21 @@ def test_what_should_not_have_been_sent_is_refused_counted_logged_and_changes_no
             # Bad ones come before any answer and again when half have been given.
             for sent in good[:answered]:
                 core.receive(*sent)
-            waiting = core.table.waiting()
+            waiting = core.rounds.table.waiting()
             for cause, where, payload in refusals(tick):
-                before, state = core.refused[cause], core.state
+                before, state = core.rounds.refused[cause], core.state
                 assert core.receive(where, payload) == []
-                assert core.refused[cause] == before + 1, (cause, where, payload)
+                assert core.rounds.refused[cause] == before + 1, (cause, where, payload)
                 assert where in log[-1]
                 assert core.state is state
-                assert core.table.waiting() == waiting
+                assert core.rounds.table.waiting() == waiting
                 expected[cause] += 1
         for repeated in good[:2]:
             core.receive(*repeated)
             expected["out-of-turn"] += 1
         for sent in good[3:]:
             core.receive(*sent)
-    result = core.result()
+    result = core.rounds.result()
     assert result.digest == undisturbed.digest
     assert result.refused == dict(expected)
     assert len(log) == sum(expected.values())
@@ -138,8 +138,8 @@ def test_whatever_strangers_send_the_run_stays_the_same(stray):
     for _ in rounds(core):
         for where, payload in stray:
             assert core.receive(where, payload) == []
-    assert core.result().digest == played(arena("ticks_max=2")).result().digest
-    assert sum(core.result().refused.values()) == 2 * len(stray)
+    assert core.rounds.result().digest == played(arena("ticks_max=2")).rounds.result().digest
+    assert sum(core.rounds.result().refused.values()) == 2 * len(stray)
 
 
 @pytest.mark.parametrize("size", [0.31, 1e3, 9e8])
@@ -156,8 +156,8 @@ def test_a_step_however_large_is_made_as_far_as_the_robot_can(size):
 def test_a_step_beyond_all_measure_is_refused(size):
     core = begun(WorldCore(arena(), RUN))
     core.receive(key("r1", "command"), encode_any_length(command("r1", 0), step=[size, 0.0]))
-    assert core.result().refused == {"malformed": 1}
-    assert "r1" in core.table.waiting()
+    assert core.rounds.result().refused == {"malformed": 1}
+    assert "r1" in core.rounds.table.waiting()
 
 
 def test_before_the_run_and_after_its_end_everything_is_out_of_turn():
@@ -166,11 +166,11 @@ def test_before_the_run_and_after_its_end_everything_is_out_of_turn():
     begun(core)
     for _ in rounds(core):
         pass
-    digest = core.result().digest
+    digest = core.rounds.result().digest
     for tick in (0, 1):
         core.receive(key("r1", "pose"), encode(pose("r1", tick), RUN))
-    assert core.result().refused == {"out-of-turn": 3}
-    assert core.result().digest == digest
+    assert core.rounds.result().refused == {"out-of-turn": 3}
+    assert core.rounds.result().digest == digest
 
 
 @pytest.mark.parametrize("robot", ["r5", "", "R1", "world", "*"])
@@ -178,7 +178,7 @@ def test_an_unknown_robot_cannot_join(robot):
     core = WorldCore(arena(), RUN)
     with pytest.raises(OutOfTurn, match="not in this team"):
         core.join(robot)
-    assert core.table.in_phase(Phase.IDLE) == ()
+    assert core.rounds.table.in_phase(Phase.IDLE) == ()
 
 
 def test_a_robot_cannot_join_twice():
@@ -187,9 +187,9 @@ def test_a_robot_cannot_join_twice():
         core.join(robot)
     with pytest.raises(OutOfTurn, match="r3"):
         core.join("r3")
-    assert core.table.in_phase(Phase.ABSENT) == ("r4",)
+    assert core.rounds.table.in_phase(Phase.ABSENT) == ("r4",)
     core.join("r4")
-    assert core.table.in_phase(Phase.ABSENT) == ()
+    assert core.rounds.table.in_phase(Phase.ABSENT) == ()
 
 
 def test_a_robot_that_joins_is_told_all_it_needs():
@@ -220,7 +220,7 @@ def test_a_round_ends_with_the_last_answer_and_opens_the_next_for_everyone():
     ends = [decode(End, payload, RUN) for _, payload in sent]
     assert [where for where, _ in sent] == [key(r, "end") for r in core.arena.ids]
     assert {(e.tick, e.reason) for e in ends} == {(10, "ticks")}
-    assert core.ended == core.result().ended == "ticks"
+    assert core.ended == core.rounds.result().ended == "ticks"
 
 
 def test_only_those_whose_answers_are_missing_are_asked_again_for_the_same_tick():
@@ -228,18 +228,18 @@ def test_only_those_whose_answers_are_missing_are_asked_again_for_the_same_tick(
     for robot in core.arena.ids:
         core.join(robot)
     asked = dict(core.begin())
-    assert dict(core.unanswered()) == asked
+    assert dict(core.rounds.unanswered()) == asked
     said = answers(core)
     half = [(k, payload) for k, payload in said if k != key("r2", "command")]
     for k, payload in half:
         assert core.receive(k, payload) == []
     again = key("r2", "observation")
-    assert core.unanswered() == [(again, asked[again])]
+    assert core.rounds.unanswered() == [(again, asked[again])]
     # Its answer comes twice now: what had come before is refused, and the round is the same.
     core.receive(key("r2", "pose"), dict(said)[key("r2", "pose")])
     following = core.receive(key("r2", "command"), dict(said)[key("r2", "command")])
-    assert core.refused == {"out-of-turn": 1}
-    assert core.unanswered() == following != []
+    assert core.rounds.refused == {"out-of-turn": 1}
+    assert core.rounds.unanswered() == following != []
 
 
 def test_a_capture_ends_the_run_at_its_tick():
@@ -253,7 +253,7 @@ def test_a_capture_ends_the_run_at_its_tick():
             inward = command(robot, tick, (-0.1 * x, -0.1 * y))
             core.receive(key(robot, "command"), encode(inward, RUN))
     # From 1.5 m and 1.44 m in steps of a tenth of what is left: within 1.3 m after two.
-    result = core.result()
+    result = core.rounds.result()
     assert (result.ended, result.captured, result.capture_tick, result.ticks) == (
         "captured",
         True,
@@ -265,8 +265,8 @@ def test_a_capture_ends_the_run_at_its_tick():
 
 def test_a_failed_run_says_why_to_everyone_and_keeps_its_first_reason():
     core = begun(WorldCore(arena(), RUN))
-    sent = core.fail("robot r2 is gone")
+    sent = core.rounds.fail("robot r2 is gone")
     assert {decode(End, payload, RUN).reason for _, payload in sent} == {"failed: robot r2 is gone"}
-    core.fail("something later")
-    assert core.result().ended == "failed: robot r2 is gone"
-    assert not core.result().captured
+    core.rounds.fail("something later")
+    assert core.rounds.result().ended == "failed: robot r2 is gone"
+    assert not core.rounds.result().captured

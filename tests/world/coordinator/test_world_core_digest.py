@@ -21,20 +21,20 @@ LIVELY = (
     "channel.delay={model='uniform', low_s=0.0, high_s=0.5}",
     "channel.loss={model='bernoulli', rate=0.3}",
 )
-PLAIN = played(arena(*LIVELY)).result()
+PLAIN = played(arena(*LIVELY)).rounds.result()
 
 
 def test_the_same_run_has_the_same_digest_recorded_or_not_whatever_it_is_called():
-    assert played(arena(*LIVELY)).result() == PLAIN
-    assert played(arena(*LIVELY), record=lambda *_: None).result() == PLAIN
+    assert played(arena(*LIVELY)).rounds.result() == PLAIN
+    assert played(arena(*LIVELY), record=lambda *_: None).rounds.result() == PLAIN
     for name in ("x", "z" * 31):
-        assert played(arena(*LIVELY), name).result() == PLAIN
+        assert played(arena(*LIVELY), name).rounds.result() == PLAIN
 
 
 def test_the_runs_name_takes_no_time_to_send():
     # Thirty bytes more than the hundred or so of a packet would fill the queue much sooner.
     limit = "channel.rate_limit={bytes_per_s=900, queue_packets_max=2}"
-    results = [played(arena(*LIVELY, limit), name).result() for name in ("x", "z" * 31)]
+    results = [played(arena(*LIVELY, limit), name).rounds.result() for name in ("x", "z" * 31)]
     assert results[0] == results[1]
     assert results[0].packets_lost["queue-full"] > 0
 
@@ -48,8 +48,8 @@ def test_the_runs_name_does_not_show_if_robots_put_their_fields_in_another_order
             for where, payload in answers(core):
                 fields = reversed(msgpack.unpackb(payload).items())
                 core.receive(where, msgpack.packb(dict(fields)))
-        assert core.result().refused == {}
-        digests.add(core.result().digest)
+        assert core.rounds.result().refused == {}
+        digests.add(core.rounds.result().digest)
     assert len(digests) == 1
 
 
@@ -68,7 +68,7 @@ def test_neither_the_order_of_joining_nor_of_answering_shows_in_the_digest(seed)
         shuffle(sent)
         for where, payload in sent:
             core.receive(where, payload)
-    assert core.result() == PLAIN
+    assert core.rounds.result() == PLAIN
 
 
 def test_when_it_is_settled_does_not_show_in_the_digest():
@@ -76,9 +76,9 @@ def test_when_it_is_settled_does_not_show_in_the_digest():
     while core.ended is None:
         for where, payload in answers(core):
             core.receive(where, payload)
-            core.commit()
-        core.result()
-    assert core.result() == PLAIN
+            core.rounds.commit()
+        core.rounds.result()
+    assert core.rounds.result() == PLAIN
 
 
 def test_what_strangers_sent_to_the_robots_does_not_show_in_the_digest():
@@ -86,12 +86,12 @@ def test_what_strangers_sent_to_the_robots_does_not_show_in_the_digest():
     while core.ended is None:
         for where, payload in answers(core, refused={"malformed": core.state.tick + 3}):
             core.receive(where, payload)
-    assert core.result() == PLAIN
+    assert core.rounds.result() == PLAIN
 
 
 @pytest.mark.parametrize("change", ["title='Another'", "description='About it'"])
 def test_words_about_a_scenario_do_not_show_in_the_digest(change):
-    assert played(arena(*LIVELY, change)).result().digest == PLAIN.digest
+    assert played(arena(*LIVELY, change)).rounds.result().digest == PLAIN.digest
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_words_about_a_scenario_do_not_show_in_the_digest(change):
     ],
 )
 def test_everything_else_in_a_scenario_shows_in_the_digest(change):
-    assert played(arena(*LIVELY, change)).result().digest != PLAIN.digest
+    assert played(arena(*LIVELY, change)).rounds.result().digest != PLAIN.digest
 
 
 def disturbed(at, robot, **changes):
@@ -152,7 +152,7 @@ def disturbed(at, robot, **changes):
                 sent[where] = encode(kind(**fields), RUN)
         for where, payload in sent.items():
             core.receive(where, payload)
-    return core.result().digest
+    return core.rounds.result().digest
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_the_truth_at_every_tick_and_every_packets_fate_show_in_the_digest(
         return change(after, fates) if after.tick == tick else (after, fates)
 
     monkeypatch.setattr(engine, "advance", changed)
-    assert played(arena(*LIVELY)).result().digest != PLAIN.digest
+    assert played(arena(*LIVELY)).rounds.result().digest != PLAIN.digest
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_packets_sent_are_delivered_or_lost_by_cause_or_in_flight_as_the_record_
     scenario = small("ticks_max=25", *changes)
     record = []
     core = played(engine.build(scenario, 1), RUN, lambda *message: record.append(message))
-    result = core.result()
+    result = core.rounds.result()
     lost, delivered, due_at_the_end, flying, copied = Counter(), 0, 0, 0, 0
     for _, where, payload in record:
         if where.endswith("/radio"):
@@ -265,7 +265,7 @@ def test_contacts_are_counted_and_named_in_the_record():
             core.receive(robot_key(RUN, robot, "pose"), encode(pose(robot, tick), RUN))
             asked = encode(command(robot, tick, step), RUN)
             core.receive(robot_key(RUN, robot, "command"), asked)
-    assert core.result().contacts == 6
+    assert core.rounds.result().contacts == 6
     states = [decode(State, p, RUN) for _, where, p in record if where.endswith("/state")]
     assert [s.tick for s in states] == [0, 1, 2, 3]
     assert states[0].contacts == ()

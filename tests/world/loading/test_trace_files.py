@@ -214,18 +214,18 @@ def test_a_resolved_scenario_depends_on_no_file(tmp_path):
         "channel": {"loss": table, "delay": table},
     }
     loaded = load(tree)
-    digest = played(engine.build(loaded, 1), RUN).result().digest
+    digest = played(engine.build(loaded, 1), RUN).rounds.result().digest
     path.unlink()
     for unset in (True, False):
         text = loaded.model_dump_json(exclude_unset=unset)
         assert "file" not in text
         again = load(json.loads(text))
         assert again == loaded
-        assert played(engine.build(again, 1), RUN).result().digest == digest
+        assert played(engine.build(again, 1), RUN).rounds.result().digest == digest
     moved = written(tmp_path, PER_LINK, "other.csv")
     for sort in ("loss", "delay"):
         tree["channel"][sort] = {**table, "file": str(moved)}
-    assert played(engine.build(load(tree), 1), RUN).result().digest == digest
+    assert played(engine.build(load(tree), 1), RUN).rounds.result().digest == digest
 
 
 def test_parquet_says_the_same_as_csv(tmp_path):

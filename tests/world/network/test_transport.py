@@ -191,9 +191,9 @@ def test_what_the_modelled_radio_does_is_no_loss_of_the_network():
     told = injected(played.world.ledger)
     assert len(told) == 12
     assert all(one["lost"]["loss"] > 20 for one in told)
-    assert sum(one["sent"] for one in told) == played.world.result().packets_sent
+    assert sum(one["sent"] for one in told) == played.world.rounds.result().packets_sent
     lost = sum(one["lost"]["loss"] for one in told)
-    assert lost == played.world.result().packets_lost["loss"]
+    assert lost == played.world.rounds.result().packets_lost["loss"]
 
 
 def test_injected_delay_is_in_seconds():
@@ -259,7 +259,7 @@ def test_a_frozen_robot_has_lost_nothing_when_it_goes_on_and_had_it_late():
     assert found.delay_s_p99 > 0.35
     assert np.abs(quantiles_s - (found.delay_s_median, found.delay_s_p99)).max() < 0.003
     assert all(one.lost == 0 for one in links_of(world.ledger))
-    counts = world.summary()
+    counts = world.answers.summary()
     assert counts["r2"]["held"] >= 5
     assert counts["r2"]["stood_still"] >= 10
     assert counts["r1"] == {"late": 0, "held": 0, "stood_still": 0, "superseded": 0}

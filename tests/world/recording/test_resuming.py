@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_world import RUN, answers, arena, begun, played, small
+from helpers_world import RUN, answers, arena, begun, departures_of, played, small
 
 from encircle.cli.main import main
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.messages import Command
 from encircle.replay.replaying import replay
 from encircle.runner.hunts import resume, run
+from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.recording.recording import Recording, RecordingError, read_recording
 from encircle.world.recording.resuming import rebuild
@@ -73,8 +74,8 @@ def test_robots_lost_by_chance_at_any_point_of_a_round_are_lost_again(tmp_path):
     begun(core)
     fates = np.random.default_rng(3)
     while core.ended is None:
-        tick, waiting = core.state.tick, core.table.waiting()
-        for robot in core.lost:
+        tick, waiting = core.state.tick, core.rounds.table.waiting()
+        for robot in core.rounds.lost:
             if fates.random() < 0.3:
                 core.join(robot)
         said = {r: [] for r in waiting}
@@ -87,13 +88,13 @@ def test_robots_lost_by_chance_at_any_point_of_a_round_are_lost_again(tmp_path):
             for answer in said[robot][: 2 if robot == "r3" else fates.choice([0, 1, 2, 2, 2])]:
                 core.receive(*answer)
             if core.state.tick == tick and (
-                robot in core.table.waiting() or (robot != "r3" and fates.random() < 0.05)
+                robot in core.rounds.table.waiting() or (robot != "r3" and fates.random() < 0.05)
             ):
-                core.leave(robot, "chance")
-    core.commit()
-    losses = [what for _, _, what in core.departures]
+                core.leave(robot, DepartureCause.NO_ANSWER)
+    core.rounds.commit()
+    losses = [what for _, _, what in departures_of(core)]
     assert losses.count("back") > 20
-    assert losses.count("lost: chance") > 20
+    assert losses.count("lost: no answer") > 20
     scenario = small("ticks_max=60", *LIVELY)
     for length in range(40, len(messages), 7):
         resumed = rebuild(recording_of(messages[:length], scenario))
@@ -101,7 +102,7 @@ def test_robots_lost_by_chance_at_any_point_of_a_round_are_lost_again(tmp_path):
         assert resumed.messages[:common] == messages[:common]
         at = resumed.core.state.tick
         assert at >= messages[length][0] - 1
-        assert told(resumed.core.departures, at) == told(core.departures, at)
+        assert told(departures_of(resumed.core), at) == told(departures_of(core), at)
 
 
 def told(departures, before):

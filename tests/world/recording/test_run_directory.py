@@ -74,7 +74,7 @@ def test_a_summary_is_written_whole_or_not_at_all(tmp_path):
     scenario = small()
     (tmp_path / "summary.json").mkdir()
     with pytest.raises(RecordingStopped, match=r"cannot write .*summary\.json"):
-        write_summary(tmp_path, scenario, played(build(scenario, 1)).result(), RUN, {})
+        write_summary(tmp_path, scenario, played(build(scenario, 1)).rounds.result(), RUN, {})
     assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
 
 
@@ -97,7 +97,7 @@ def test_nobody_else_records_where_a_run_is_being_recorded(tmp_path):
 
 def test_the_summary_holds_the_result_and_what_it_takes_to_repeat_the_run(tmp_path):
     scenario = small("seed=5", "channel.loss={model='bernoulli', rate=0.2}")
-    result = played(build(scenario, 5)).result()
+    result = played(build(scenario, 5)).rounds.result()
     write_summary(tmp_path, scenario, result, RUN, {"rounds_s": 1.5})
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert (summary["run"], summary["seed"], summary["rounds_s"]) == (RUN, 5, 1.5)
@@ -105,7 +105,7 @@ def test_the_summary_holds_the_result_and_what_it_takes_to_repeat_the_run(tmp_pa
     assert {name: summary[name] for name in expected} == expected
     assert summary["versions"] == versions()
     assert load(summary["scenario"]) == scenario
-    again = played(build(load(summary["scenario"]), summary["seed"])).result()
+    again = played(build(load(summary["scenario"]), summary["seed"])).rounds.result()
     assert again.digest == summary["digest"]
 
 

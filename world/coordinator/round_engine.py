@@ -1,0 +1,190 @@
+"""One run of an arena, round by round, whoever decides when a round is over. Sans I/O.
+
+A round is an observation to every robot that takes part, their answers, and one step of the arena.
+``RoundEngine`` holds what a run is at any moment (its state, its members, its journal and the
+messages of the open round) and makes that step. The two cores drive it: ``WorldCore`` ends a round
+when every robot has answered, ``RealTimeWorldCore`` when the clock says so.
+
+A robot that is lost is not asked, and its body coasts to a stop; one that is back is set up anew
+and asked again. Which robots the scenario itself takes away follows from the tick alone.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from encircle.protocol.endings import EndReason, failure_reason
+from encircle.protocol.lockstep import LockStep
+from encircle.protocol.messages import Observation
+from encircle.protocol.plugins import PluginFailed
+from encircle.world.arena import engine
+from encircle.world.channel.channel import Fates
+from encircle.world.channel.delay_means import requested_delay
+from encircle.world.coordinator.answers import Answer
+from encircle.world.coordinator.incoming import Refusals
+from encircle.world.coordinator.journal import Journal
+from encircle.world.coordinator.membership import DepartureCause, Membership
+from encircle.world.coordinator.outgoing import OpenRound, Outgoing, end_messages, setup_message
+from encircle.world.coordinator.result import Result
+
+Completion = Callable[[OpenRound], list[Observation]]
+"""Gives the observations of a round that is being opened what the engine does not know of."""
+
+
+class RoundEngine:
+    """One run. ``ended`` holds the reason once it is over.
+
+    ``table``: which robot has been asked and has answered; ``open_round``: what they were asked;
+    ``refused``: counts by cause; ``departures``: which robots were lost and came back so far;
+    ``fates``: of the packets of the round before, None in the first. ``plugin_failure``: how a
+    plug-in of this process has ended the run, if one has.
+    """
+
+    def __init__(self, arena: engine.Arena, run: str, log: Callable[[str], None]) -> None:
+        self.arena = arena
+        self.run = run
+        self.table = LockStep(arena.ids)
+        self.members = Membership(self.table, arena.scenario.events)
+        self.journal = Journal(arena, run)
+        self.refusals = Refusals(log)
+        self.refused = self.refusals.counts
+        self.departures = self.members.departures
+        self.state = engine.initial(arena)
+        self.fates: Fates | None = None
+        self.open_round = OpenRound(run)
+        self.ended: str | None = None
+        self.plugin_failure: PluginFailed | None = None
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """The robots that are lost now, in robot order."""
+        return self.members.lost
+
+    def join(self, robot: str) -> Outgoing:
+        """A robot is present: its setup. ``OutOfTurn`` if it is not of the team or joined before.
+
+        One that was lost gets its setup with its next observation, which is that of the next round,
+        or of the tick at which the scenario lets it come back.
+        """
+        self.members.join(robot)
+        return [] if self.members.begun else [self._setup(robot)]
+
+    def leave(self, robot: str, cause: DepartureCause, detail: str = "") -> bool:
+        """A robot is lost; whether the open round has waited for it, which it no longer does.
+
+        Before the run has begun the robot may join again as if it had never been present.
+        """
+        if self.ended is not None:
+            return False
+        return self.members.leave(robot, self.state.tick, cause, detail)
+
+    def next_round(
+        self, answers: Mapping[str, Answer], complete: Completion | None = None
+    ) -> list[Observation]:
+        """Finish the open round, if any, with the answers to it, and open the next one.
+
+        Returns the observations to be answered: none when the run is over (``ended``), and none
+        while no robot takes part. The setups in ``open_round`` go before them.
+        """
+        self.open_round = OpenRound(self.run)
+        if self.table.tick < 0:
+            # Recorded here and in robot order, whatever the order in which the robots joined.
+            self.journal.note_first_setups([self._setup(robot) for robot in self.arena.ids])
+        else:
+            try:
+                self._advance(answers)
+            except PluginFailed as error:
+                self.fail(str(error), error)
+                return []
+        state = self.state
+        recording = self.journal.record is not None
+        if state.captured or state.tick >= self.arena.scenario.ticks_max:
+            reason = EndReason.CAPTURED if state.captured else EndReason.TICKS
+            self.ended = reason.value
+            self.journal.note_state(state, [], self.end_messages() if recording else [])
+            return []
+        returned = self.members.open_round(state.tick)
+        self.open_round = OpenRound(
+            self.run,
+            returned,
+            [self._setup(robot) for robot in returned],
+            engine.observe(self.arena, state, self.lost),
+        )
+        if complete is not None:
+            self.open_round.observations = complete(self.open_round)
+        self.journal.note_state(
+            state, self.open_round.setups, self.open_round.messages if recording else []
+        )
+        return self.open_round.observations
+
+    def _advance(self, answers: Mapping[str, Answer]) -> None:
+        tick = self.state.tick
+        in_order = [answers.get(robot) or Answer() for robot in self.arena.ids]
+        silent = [not answer.command for answer in in_order]
+        lost = np.array(silent) if any(silent) else None
+        steps = np.array([answer.step for answer in in_order])
+        packets = [answer.packet for answer in in_order]
+        self.state, self.fates = engine.advance(
+            self.arena, self.state, steps, packets, len(self.run), lost
+        )
+        self.journal.note_answers(tick, self.fates, in_order)
+
+    def unanswered(self) -> Outgoing:
+        """The observations whose answers are still to come, to be sent again: both may be lost.
+
+        With the setups that went before them; a robot that had its setup decides the same anew.
+        """
+        return self.open_round.messages_to(self.table.waiting())
+
+    def restart_messages(self, robot: str) -> Outgoing:
+        """A setup, and the robot's observation of the open round: it begins anew with that."""
+        return [self._setup(robot), *self.open_round.observation_of_beginner(robot)]
+
+    def fail(self, reason: str, plugin_failure: PluginFailed | None = None) -> Outgoing:
+        """End the run as failed; returns the messages that tell the robots.
+
+        ``plugin_failure``: the failure of a plug-in of this process, if that is the reason.
+        """
+        if plugin_failure is not None:
+            self.plugin_failure = plugin_failure
+        if self.ended is None:
+            self.ended = failure_reason(reason)
+        return self.end_messages()
+
+    def end_messages(self) -> Outgoing:
+        """The end of the run, to every robot of the team."""
+        return end_messages(self.arena.ids, self.run, self.state.tick, self.ended or "")
+
+    def commit(self) -> Outgoing:
+        """Digest and record what has happened since the last call; returns states for viewers."""
+        return self.journal.commit()
+
+    def result(self) -> Result:
+        """What came of the run, so far if it has not ended."""
+        self.commit()
+        state, scenario, count = self.state, self.arena.scenario, len(self.arena.ids)
+        packets = self.journal.packets.totals(state)
+        requested = requested_delay(scenario.channel, scenario.ids)
+        mean, direct = packets.delay_ticks_mean, scenario.radio == "direct"
+        return Result(
+            state.captured,
+            state.tick if state.captured else None,
+            state.tick,
+            self.ended or "running",
+            tuple(state.geometry.distances[:count, count].tolist()),
+            packets.sent,
+            packets.lost,
+            packets.copied,
+            packets.delivered,
+            packets.in_flight,
+            requested.model,
+            requested.s_mean,
+            None if mean is None or direct else mean * scenario.tick_s,
+            self.journal.contacts,
+            dict(sorted(self.refused.items())),
+            self.journal.digest,
+            tuple(departure.row for departure in self.departures),
+        )
+
+    def _setup(self, robot: str) -> tuple[str, bytes]:
+        return setup_message(self.arena, self.run, robot, max(self.table.tick, 0))

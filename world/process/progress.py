@@ -1,0 +1,112 @@
+"""How long a run has been waiting at a tick, and what is to be done about it. Sans I/O and clock.
+
+A lock-step run waits for answers. What is not answered is asked again, since a router that was
+restarted has lost what was under way; who does not answer for too long is overdue. By the clock
+nothing is asked again: the clock ends every tick, however long it is, and only the program that
+started the world has to hear now and then that it is there.
+"""
+
+from typing import NamedTuple, TypeAlias
+
+RESEND_PERIOD_S = 1.0
+LOOK_GAP_S_MAX = 0.5
+"""How much of the time between two looks counts as waiting, for this world may have been frozen."""
+
+
+class NewTick(NamedTuple):
+    """The run is at another tick than at the last look."""
+
+
+class StillWaiting(NamedTuple):
+    """The run has waited for a further period. ``answers``: for answers, not for the clock.
+
+    ``ask_again``: whether to send the unanswered observations once more.
+    """
+
+    answers: bool
+    ask_again: bool
+
+
+class Overdue(NamedTuple):
+    """Answers have not come for ``answer_s_max``."""
+
+    answer_s_max: float
+
+
+Progress: TypeAlias = NewTick | StillWaiting | Overdue | None
+"""What a look at a run has shown; None: nothing to be done."""
+
+
+class LockStepWatch:
+    """Watches a run in lock-step. ``answer_s_max``: how long answers may take.
+
+    ``resumed_tick``: the tick at which a run was resumed, if it was, where robots have all of its
+    past to take in before their first answer, which may take ``resumed_s_max``.
+    """
+
+    def __init__(
+        self, answer_s_max: float, resumed_tick: int | None, resumed_s_max: float, now_s: float
+    ) -> None:
+        self._answer_s_max = answer_s_max
+        self._resumed_tick = resumed_tick
+        self._resumed_s_max = resumed_s_max
+        self._wait = _Wait(now_s)
+
+    def look(self, tick: int, now_s: float) -> Progress:
+        """What there is to do about a run that is at a tick; times in s of any steady clock."""
+        wait, resuming = self._wait, tick == self._resumed_tick
+        answer_s_max = self._resumed_s_max if resuming else self._answer_s_max
+        if wait.is_over(tick, now_s):
+            return NewTick()
+        if wait.waited_s > answer_s_max:
+            wait.restart()
+            return Overdue(answer_s_max)
+        return StillWaiting(answers=True, ask_again=not resuming) if wait.is_due_again() else None
+
+
+class RealTimeWatch:
+    """Watches a run by the clock. ``tick_s``: how long each tick is."""
+
+    def __init__(self, tick_s: float, now_s: float) -> None:
+        self._tick_s = tick_s
+        self._wait = _Wait(now_s)
+
+    def look(self, tick: int, now_s: float) -> Progress:
+        """As ``LockStepWatch.look``; nothing is ever overdue."""
+        wait = self._wait
+        if wait.is_over(tick, now_s):
+            return NewTick()
+        ticking = wait.waited_s < self._tick_s + RESEND_PERIOD_S
+        waits = ticking and wait.is_due_again()
+        return StillWaiting(answers=False, ask_again=False) if waits else None
+
+
+class _Wait:
+    """One wait after the other, in s; it begins with each new tick."""
+
+    def __init__(self, now_s: float) -> None:
+        self.waited_s = 0.0
+        self._tick = -1
+        self._again_s = RESEND_PERIOD_S
+        self._looked_s = now_s
+
+    def is_over(self, tick: int, now_s: float) -> bool:
+        """Look at the run: whether it is at another tick than at the last look."""
+        self.waited_s += min(now_s - self._looked_s, LOOK_GAP_S_MAX)
+        self._looked_s = now_s
+        if tick == self._tick:
+            return False
+        self._tick = tick
+        self.restart()
+        return True
+
+    def restart(self) -> None:
+        """Wait anew."""
+        self.waited_s, self._again_s = 0.0, RESEND_PERIOD_S
+
+    def is_due_again(self) -> bool:
+        """Whether a further period of waiting is over."""
+        if self.waited_s <= self._again_s:
+            return False
+        self._again_s += RESEND_PERIOD_S
+        return True
