@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from encircle.cli.shipped import listed_studies
 from encircle.protocol.process.interrupts import Interrupted
 from encircle.protocol.process.log import say, say_error
 from encircle.protocol.programs.option_values import one_of, whole_number_in
@@ -54,11 +55,13 @@ def study_main(arguments: Sequence[str], program: str) -> int:
     settings = options.parse(arguments)
     if settings.cluster is not None and (settings.link != "memory" or settings.workers is not None):
         options.error("--cluster goes neither with --link zenoh nor with --workers")
+    if settings.name is None:
+        for name, runs, title in listed_studies():
+            say(f"{name:12} {runs:6} runs  {title}")
+        return 0
+    # Imported late: a list need not wait for tables and figures.
     from encircle.studies.plan import StudyError
 
-    if settings.name is None:
-        _list_studies()
-        return 0
     try:
         from encircle.studies.command import Request, run_study, show
         from encircle.studies.workers import StudyFailed
@@ -87,14 +90,6 @@ def study_main(arguments: Sequence[str], program: str) -> int:
         say_error(f"encircle: {answer['failure']}")
         return 1
     return 0
-
-
-def _list_studies() -> None:
-    from encircle.studies.plan_files import load_plan, shipped_studies
-
-    for name in shipped_studies():
-        plan = load_plan(name)
-        say(f"{name:12} {plan.runs:6} runs  {plan.title}")
 
 
 def _study_options(program: str) -> Options:

@@ -6,7 +6,6 @@ the study's own keys, and in every cell, as far as what is left can be understoo
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,12 @@ from encircle.studies.plan import Plan, StudyError
 from encircle.studies.plan_problems import lines_of, problems_of
 from encircle.world.loading.files import shipped as shipped_scenarios
 from encircle.world.loading.load import load
+from encircle.world.loading.toml_folder import toml_files
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 from encircle.world.scenario.validation import problems_in
+
+SHIPPED = Path(__file__).parent / "shipped"
 
 
 def load_plan(
@@ -52,9 +54,7 @@ def load_plan(
 
 def shipped_studies() -> dict[str, Path]:
     """The studies that come with the package, by name."""
-    folder = resources.files("encircle.studies") / "shipped"
-    files = [Path(str(f)) for f in folder.iterdir() if f.name.endswith(".toml")]
-    return {path.stem: path for path in sorted(files)}
+    return toml_files(SHIPPED)
 
 
 def _validated(tree: dict[str, Any]) -> tuple[Plan | None, dict[tuple[str | int, ...], str]]:

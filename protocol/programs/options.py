@@ -13,12 +13,14 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from encircle.protocol.process.log import printable
 from encircle.protocol.programs.option_values import yes_or_no
 from encircle.protocol.suggestions import did_you_mean
-from encircle.protocol.zenoh.endpoints import ConfigurationError, Endpoints, Identity, Mode
+
+if TYPE_CHECKING:
+    from encircle.protocol.zenoh.endpoints import Endpoints, Identity, Mode
 
 PREFIX = "ENCIRCLE_"
 GATES = ("router", "world")
@@ -210,13 +212,16 @@ def without_settings(environment: Mapping[str, str]) -> dict[str, str]:
 def endpoints_of(
     options: argparse.Namespace,
     connect_s_max: float,
-    mode: Mode | None = None,
+    mode: "Mode | None" = None,
     name: str | None = None,
-) -> Endpoints:
+) -> "Endpoints":
     """What the options of ``add_endpoints`` ask for; raises ``ConfigurationError``.
 
     ``name``: whose certificate to show; without one, that of a viewer.
     """
+    # Imported late: commands that run no node need no messages and no codec.
+    from encircle.protocol.zenoh.endpoints import ConfigurationError, Endpoints
+
     if options.certificates and options.listen and name not in (None, *GATES):
         raise ConfigurationError(
             f"listen = {options.listen[0]}: with certificates only {' and '.join(GATES)} listen,"
@@ -233,7 +238,7 @@ def endpoints_of(
     )
 
 
-def identity(directory: Path | None, name: str | None) -> Identity | None:
+def identity(directory: Path | None, name: str | None) -> "Identity | None":
     """The identity of a node, or of a viewer without a name; raises ``ConfigurationError``."""
     if directory is None:
         return None

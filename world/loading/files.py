@@ -3,24 +3,23 @@
 import json
 import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from encircle.protocol.suggestions import did_you_mean
+from encircle.world.loading.toml_folder import toml_files
 from encircle.world.loading.trace_files import anchored
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.fields import shown
 
+SHIPPED = Path(__file__).parent / "shipped"
 STUDY_KEYS = {"scenario", "axes", "strategies"}
 """Keys that a study has and no scenario has."""
 
 
 def shipped() -> dict[str, Path]:
     """The scenarios that come with the package, by name."""
-    folder = resources.files("encircle.world.loading") / "shipped"
-    files = [Path(str(f)) for f in folder.iterdir() if f.name.endswith(".toml")]
-    return {path.stem: path for path in sorted(files)}
+    return toml_files(SHIPPED)
 
 
 def read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
