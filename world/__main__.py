@@ -4,7 +4,12 @@
 there.
 """
 
+import sys
+
 if __name__ == "__main__":
+    if not sys.flags.safe_path:
+        # The working directory may hold a person's own modules.
+        del sys.path[0]
     # Before all that takes time to import.
     from encircle.protocol.process.interrupts import exit_on_signal
 

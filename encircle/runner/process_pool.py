@@ -4,13 +4,13 @@ A study and ``encircle reproduce`` both run many hunts this way. The workers are
 Ctrl-C, which a terminal sends to them as well: what ends them is their parent, or its end.
 """
 
+import os
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent import futures
-from contextlib import closing
+from contextlib import closing, contextmanager
 from functools import partial
 from multiprocessing import active_children, connection, get_context, parent_process
-from os import _exit
 from typing import TypeVar
 
 from encircle.protocol.process.interrupts import (
@@ -22,6 +22,7 @@ from encircle.protocol.process.interrupts import (
 
 TASKS_PER_WORKER = 3
 LOOK_PERIOD_S = 0.1
+SAFE_PATH = "PYTHONSAFEPATH"
 
 Task = TypeVar("Task")
 Done = TypeVar("Done")
@@ -38,7 +39,8 @@ def in_processes(
     """
     others = set(active_children())
     # Not forked: a forked copy of a process with threads, as Zenoh's, may hang.
-    pool = futures.ProcessPoolExecutor(workers, get_context("spawn"), _prepare)
+    with _safe_path():
+        pool = futures.ProcessPoolExecutor(workers, get_context("spawn"), _prepare)
     try:
         yield from _done(pool, work, tasks, workers)
     except BaseException:
@@ -80,7 +82,7 @@ def _done(
 ) -> Iterator[Done]:
     waiting: set[futures.Future[Done]] = set()
     for task in tasks:
-        with sigint_blocked():
+        with sigint_blocked(), _safe_path():
             waiting.add(pool.submit(work, task))
         while len(waiting) >= TASKS_PER_WORKER * workers:
             done, waiting = _some(waiting)
@@ -88,6 +90,23 @@ def _done(
     while waiting:
         done, waiting = _some(waiting)
         yield from (future.result() for future in done)
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Interpreters that are started meanwhile find no modules in the working directory.
+
+    A worker begins with Python's own modules, and a person's ``random.py`` is none of those.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 def _some(
@@ -108,4 +127,4 @@ def _end_with_parent() -> None:
     parent = parent_process()
     assert parent is not None
     connection.wait([parent.sentinel])
-    _exit(1)
+    os._exit(1)

@@ -6,7 +6,12 @@ by connecting to it, the world or a robot of a run by its liveliness token. The 
 of the party itself, so that inside its container the check needs no arguments.
 """
 
+import sys
+
 if __name__ == "__main__":
+    if not sys.flags.safe_path:
+        # The working directory may hold a person's own modules.
+        del sys.path[0]
     # Before all that takes time to import.
     from encircle.protocol.process.interrupts import exit_on_signal
 

@@ -4,7 +4,12 @@ World and robots on many hosts need only reach the router, not each other. Any Z
 this one is the library that is installed anyway, in router mode, without plugins.
 """
 
+import sys
+
 if __name__ == "__main__":
+    if not sys.flags.safe_path:
+        # The working directory may hold a person's own modules.
+        del sys.path[0]
     # Before all that takes time to import.
     from encircle.protocol.process.interrupts import exit_on_signal
 
