@@ -26,13 +26,17 @@ from encircle.protocol.plugins import (
     shown,
 )
 from encircle.protocol.suggestions import did_you_mean
+from encircle.world.scenario.fields import Deviation, Position
 from encircle.world.scenario.validation import problems_in
 
 EQUAL_RAD = 1e-9
 """Gaps are as wide if they are so in whole multiples of this."""
-Distance = Annotated[float, Field(ge=0.0, le=1e5, allow_inf_nan=False)]
-Coordinate = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
-Waypoints = Annotated[Sequence[tuple[Coordinate, Coordinate]], Field(min_length=1)]
+ObstacleRange = Annotated[
+    Deviation, Field(description="Obstacles that are nearer are steered around.")
+]
+Waypoints = Annotated[
+    Sequence[Position], Field(min_length=1, description="Where it goes, one after the other.")
+]
 
 
 class TargetView(NamedTuple):
@@ -57,7 +61,9 @@ Behaviour: TypeAlias = Callable[..., tuple[Any, Point]]
 remember and the step it wants, in m."""
 
 
-def flee(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> tuple[Any, Point]:
+def flee(
+    memory: Any, view: TargetView, *, obstacle_range_m: ObstacleRange = 1.5
+) -> tuple[Any, Point]:
     """Away from every robot it detects, from near ones more (inverse square); also off obstacles.
 
     With none in sight it goes on as it was going; before it has ever seen one it stands still.
@@ -76,7 +82,9 @@ def flee(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> 
     return memory, _step(_clear_heading(memory, view, obstacle_range_m), view.step_m_max)
 
 
-def gap(memory: Any, view: TargetView, *, obstacle_range_m: Distance = 1.5) -> tuple[Any, Point]:
+def gap(
+    memory: Any, view: TargetView, *, obstacle_range_m: ObstacleRange = 1.5
+) -> tuple[Any, Point]:
     """Through the middle of the widest angular gap between the robots it detects.
 
     Of gaps that differ by rounding noise alone it takes the first by bearing, from -pi on. With no
@@ -103,7 +111,7 @@ def straight(memory: Any, view: TargetView) -> tuple[Any, Point]:
 
 
 def patrol(memory: Any, view: TargetView, *, waypoints: Waypoints) -> tuple[Any, Point]:
-    """From waypoint to waypoint, in m, round and round."""
+    """From waypoint to waypoint, and from the last one to the first."""
     waypoint_index = memory or 0
     gx, gy = waypoints[waypoint_index % len(waypoints)]
     dx, dy = gx - view.position[0], gy - view.position[1]
@@ -165,7 +173,7 @@ def check_parameters(behaviour: Behaviour, parameters: Mapping[str, Any]) -> Non
     ``ValueError`` if those cannot be understood.
     """
     try:
-        model = _model_of(behaviour)
+        model = parameters_of(behaviour)
     except Exception as error:
         # They are other people's code.
         raise ValueError(f"its parameters cannot be understood: {error_line(error)}") from None
@@ -176,7 +184,8 @@ def check_parameters(behaviour: Behaviour, parameters: Mapping[str, Any]) -> Non
         raise Problems(list(problems_in(error, model, tree).values())) from None
 
 
-def _model_of(behaviour: Behaviour) -> type[BaseModel]:
+def parameters_of(behaviour: Behaviour) -> type[BaseModel]:
+    """A behaviour's parameters as a model: a field for each keyword-only argument."""
     hints = get_type_hints(behaviour, include_extras=True)
     wanted: dict[str, Any] = {
         name: (hints.get(name, Any), ... if p.default is p.empty else p.default)

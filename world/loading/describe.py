@@ -1,0 +1,96 @@
+"""The tables of docs/scenario.md, written from the declarations of a scenario's keys.
+
+    python -m encircle.world.loading.describe            is the page current? exit status 1 if not
+    python -m encircle.world.loading.describe --write    make it so
+
+A table stands between two comments, of which the first names what it is of. Whatever else is on
+the page is written by hand. The page must have every table of a scenario, the parameters of every
+target behaviour and those of the robots.
+"""
+
+import inspect
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from encircle.protocol.parameters import BODIES, declared
+from encircle.protocol.process.log import say, say_error
+from encircle.world.loading.declarations import (
+    DeclaredKey,
+    keys_of_model,
+    keys_of_robot,
+    one_line,
+    tables_of,
+)
+from encircle.world.scenario.model import Scenario
+from encircle.world.targets.behaviours import BUILT_IN, parameters_of
+
+PAGE = Path("docs/scenario.md")
+_COMMAND = "python -m encircle.world.loading.describe"
+_BEGIN = f"<!-- keys of {{}}, from the declarations: {_COMMAND} -->\n"
+_END = "<!-- end of keys -->\n"
+_HEADER = "| key | type | unit | values | default | meaning |\n|---|---|---|---|---|---|\n"
+
+
+def sections() -> dict[str, str]:
+    """What stands between the comments, by what the first of them names."""
+    texts = {
+        model.__name__: _section(model.__doc__, keys_of_model(model))
+        for model in tables_of(Scenario)
+    }
+    robot = keys_of_robot([name for name in declared() if name not in BODIES])
+    texts["robot"] = _section(None, robot)
+    texts |= {
+        f"behaviour {name}": _section(behaviour.__doc__, keys_of_model(parameters_of(behaviour)))
+        for name, behaviour in BUILT_IN.items()
+    }
+    return texts
+
+
+def current(page: str) -> str:
+    """The page with its tables as the declarations have them; ``ValueError`` for one without."""
+    for name, text in sections().items():
+        begin = _BEGIN.format(name)
+        before, *rest = page.split(begin)
+        if len(rest) != 1 or _END not in rest[0]:
+            raise ValueError(f"{len(rest)} places for the keys of {name}, 1 is needed")
+        page = before + begin + text + rest[0][rest[0].index(_END) :]
+    return page
+
+
+def _section(docstring: str | None, keys: Sequence[DeclaredKey]) -> str:
+    paragraphs = inspect.cleandoc(docstring or "").split("\n\n")
+    prose = "".join(f"{one_line(paragraph)}\n\n" for paragraph in paragraphs if paragraph)
+    if not keys:
+        return prose
+    rows = [
+        f"| `{name}` | {kind} | {unit} | {values} | {default} | {meaning} |\n"
+        for name, kind, unit, values, default, meaning in keys
+    ]
+    return f"{prose}{_HEADER}{''.join(rows)}"
+
+
+def main(arguments: list[str]) -> int:
+    """Check the page, or write it; the exit status."""
+    if arguments not in ([], ["--write"]):
+        say_error(f"usage: {_COMMAND} [--write]")
+        return 2
+    try:
+        text = PAGE.read_text(encoding="utf-8")
+        described = current(text)
+    except (OSError, ValueError) as error:
+        say_error(f"{PAGE}: {error}")
+        return 1
+    if described == text:
+        say(f"{PAGE} is current")
+        return 0
+    if not arguments:
+        say_error(f"{PAGE} is not current: run {_COMMAND} --write")
+        return 1
+    PAGE.write_text(described, encoding="utf-8")
+    say(f"{PAGE} is written")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
