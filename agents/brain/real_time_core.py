@@ -1,22 +1,22 @@
 """One robot's side of the protocol in real time, sans I/O and clock: times come in with messages.
 
 The world does not wait. So a robot answers the newest observation that it has and passes over those
-before it, but for what their radio brought: packets that were delivered, or admitted, then. It says
-in its commands how many observations it has passed over and how many never came, when the
-observation came that it answers, when it answers, and what it has heard when, until it knows that
-the world knows; from that the world works out what the network does
+before it; only the packets that the channel delivered, or admitted, with those are still used. In
+its commands it reports how many observations it has passed over and how many never came, when the
+observation came that it answers, when it answers, and receipts of what it has received
+(``encircle.agents.brain.unacknowledged``). From that the world works out what the network does
 (``encircle.world.network.transport``).
 
-``RobotCore`` checks and decides as ever; this only chooses what it is given.
+``RobotCore`` checks and decides as in lock-step; here it is chosen what it is given.
 """
 
 from collections import deque
 from dataclasses import replace
-from itertools import islice
 
 from encircle.agents.brain.brain import Action
 from encircle.agents.brain.direct_inbox import DirectInbox
 from encircle.agents.brain.robot_core import RobotCore
+from encircle.agents.brain.unacknowledged import UnacknowledgedReceipts
 from encircle.protocol.codec import decode, decode_pose, encode
 from encircle.protocol.errors import (
     MalformedMessage,
@@ -27,20 +27,10 @@ from encircle.protocol.errors import (
 )
 from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import Command, CommandMode, Observation, PoseCarrier
-from encircle.protocol.real_time import (
-    RECEIPT_WORDS,
-    Receipt,
-    ReceiptKind,
-    ReceptionCount,
-    Timing,
-)
-from encircle.protocol.wire.limits import RECEIPTS_MAX
+from encircle.protocol.real_time import ReceiptKind, ReceptionCount, Timing
 
 BACKLOG_MAX = 1024
-UNACKNOWLEDGED_MAX = 16_384
-"""What is heard and not known to be known; as long as there is no more room, nothing is heard."""
-RECEIPTS_BYTES_MAX, RECEIPT_BYTES = 12 * 1024, 20
-"""What a command has room for, and what a thing heard takes at most besides its sender's name."""
+"""Packets of peers that are kept until the next decision; the oldest ones are dropped, counted."""
 
 Outgoing = list[tuple[str, bytes]]
 
@@ -53,10 +43,11 @@ class RealTimeRobotCore:
         self._begin()
 
     def _begin(self) -> None:
-        """Start afresh, as the brain does with a new setup."""
+        """Begin anew, as the brain does with a new setup."""
         setup = self.core.setup
         assert setup is not None, "real time begins with a setup"
         self._setup = setup
+        self._is_direct = setup.radio == PoseCarrier.DIRECT
         for name in (ReceptionCount.PASSED_OVER, ReceptionCount.MISSED):
             self.core.refused.pop(name, None)
         self._direct_inbox = DirectInbox(
@@ -66,13 +57,7 @@ class RealTimeRobotCore:
         self._waiting: list[tuple[int, Observation]] = []
         self._next_tick = setup.first_tick
         self._sequence = setup.first_tick
-        # The receipts that the world may not have, from number ``_acknowledged`` on; by tick,
-        # where those that a command carried end.
-        self._unacknowledged: deque[Receipt] = deque()
-        self._acknowledged = 0
-        self._receipt_ends: dict[int, int] = {}
-        longest = max(len(name.encode()) for name in (*setup.team, *RECEIPT_WORDS))
-        self._receipts_max = min(RECEIPTS_MAX, RECEIPTS_BYTES_MAX // (RECEIPT_BYTES + longest))
+        self._receipts = UnacknowledgedReceipts(setup.team)
         self._arrival_us = 0
         self._last_command: Command | None = None
 
@@ -101,7 +86,11 @@ class RealTimeRobotCore:
                 self._count(ReceptionCount.OVERHEARD, 1)
         elif channel == "observation" and robot == self.core.robot:
             observation = decode(Observation, payload, run)
-            self._check(observation)
+            self.core.check(observation)
+            if observation.inbox and self._is_direct:
+                raise MalformedMessage(
+                    "Observation: inbox must be empty where robots hear each other"
+                )
             if observation.tick < self._next_tick:
                 raise OutOfTurn(
                     f"observation of tick {observation.tick}, next is {self._next_tick}"
@@ -109,8 +98,8 @@ class RealTimeRobotCore:
             self.core.accepted += 1
             self._count(ReceptionCount.MISSED, observation.tick - self._next_tick)
             self._next_tick = observation.tick + 1
-            self._acknowledge(observation.answered)
-            if len(self._unacknowledged) + len(self._waiting) >= UNACKNOWLEDGED_MAX:
+            self._receipts.acknowledge(observation.answered)
+            if not self._receipts.has_room(len(self._waiting)):
                 self._count(ReceptionCount.MISSED, 1)
                 return
             self._waiting.append((arrival_us, observation))
@@ -118,11 +107,6 @@ class RealTimeRobotCore:
             self.core.receive(key, payload)
             if self.core.setup is not self._setup:
                 self._begin()
-
-    def _check(self, observation: Observation) -> None:
-        self.core.check(observation)
-        if observation.inbox and self._setup.radio == PoseCarrier.DIRECT:
-            raise MalformedMessage("Observation: inbox must be empty where robots hear each other")
 
     def decide(self) -> Action | None:
         """Answer the newest observation; None if there is none, or it is refused."""
@@ -135,26 +119,23 @@ class RealTimeRobotCore:
             self._direct_inbox.admit(observation.admitted)
         self._count(ReceptionCount.PASSED_OVER, len(waiting) - 1)
         for arrival_us, observation in waiting[:-1]:
-            self._note(ReceiptKind.PASSED_OVER, observation.tick, arrival_us)
+            self._receipts.add_observation(ReceiptKind.PASSED_OVER, observation.tick, arrival_us)
         inbox = [packet for _, observation in waiting for packet in observation.inbox]
-        if self._setup.radio == PoseCarrier.DIRECT:
+        if self._is_direct:
             inbox += self._direct_inbox.take(newest.tick)
         try:
             action = self.core.answer(replace(newest, inbox=tuple(inbox)))
         except ProtocolError as error:
             self.core.refuse("observation", error)
             self._count(ReceptionCount.PASSED_OVER, 1)
-            self._note(ReceiptKind.PASSED_OVER, newest.tick, self._arrival_us)
+            self._receipts.add_observation(ReceiptKind.PASSED_OVER, newest.tick, self._arrival_us)
             return None
-        self._note(ReceiptKind.ANSWERED, newest.tick, self._arrival_us)
+        self._receipts.add_observation(ReceiptKind.ANSWERED, newest.tick, self._arrival_us)
         return action
 
     def messages(self, action: Action, now_us: int) -> Outgoing:
         """The messages that an action makes, sent at ``now_us`` by this robot's clock."""
-        receipts = tuple(islice(self._unacknowledged, self._receipts_max))
-        self._receipt_ends[action.command.tick] = self._acknowledged + len(receipts)
-        if len(self._receipt_ends) > UNACKNOWLEDGED_MAX:
-            del self._receipt_ends[next(iter(self._receipt_ends))]
+        receipts = self._receipts.carried_by(action.command.tick)
         timing = Timing(self._arrival_us, now_us, receipts)
         self._last_command = replace(action.command, timing=timing)
         messages = [self._message("command", self._last_command)]
@@ -181,18 +162,9 @@ class RealTimeRobotCore:
         )
         return [self._message("command", self._last_command)]
 
-    def _acknowledge(self, tick: int | None) -> None:
-        """The world has the command of that tick, so it knows what that told and all before."""
-        end = self._receipt_ends.get(-1 if tick is None else tick, 0)
-        while self._acknowledged < end:
-            self._unacknowledged.popleft()
-            self._acknowledged += 1
-        if end:
-            self._receipt_ends = {later: to for later, to in self._receipt_ends.items() if to > end}
-
     def _take_backlog(self) -> None:
-        """Take in what peers have sent, as far as there is room to tell of it."""
-        while self._backlog and len(self._unacknowledged) < UNACKNOWLEDGED_MAX:
+        """Take in what peers have sent, as far as there is room for receipts."""
+        while self._backlog and self._receipts.has_room():
             arrival_us, key, packet = self._backlog.popleft()
             try:
                 pose = decode_pose(packet, self.core.run)
@@ -204,14 +176,11 @@ class RealTimeRobotCore:
                 self.core.refuse(key, error)
                 continue
             self._direct_inbox.add_packet(pose.robot, pose.sequence, pose.tick, packet)
-            self._unacknowledged.append(Receipt(pose.robot, pose.sequence, arrival_us))
+            self._receipts.add_packet(pose.robot, pose.sequence, arrival_us)
 
     def count_dropped(self, packets: int) -> None:
-        """So many messages have come for which there was no room."""
+        """So many messages were dropped, because there was no room for them."""
         self._count(ReceptionCount.OVERHEARD, packets)
-
-    def _note(self, kind: ReceiptKind, tick: int, arrival_us: int) -> None:
-        self._unacknowledged.append(Receipt.of_observation(kind, tick, arrival_us))
 
     def _count(self, name: str, number: int) -> None:
         if number:

@@ -1,7 +1,7 @@
 """One robot's side of the protocol, sans I/O: messages in, messages out.
 
-The shell that owns a link feeds in what arrives and sends what comes back. What is refused is
-counted by cause, and told to ``log`` once per message; the counts travel to the world with each
+The shell passes in what arrives on its connection and sends what is returned. What is refused is
+counted by cause, and ``log`` gets a line on each message; the counts travel to the world with each
 command, so that nothing is lost silently.
 """
 
@@ -19,6 +19,7 @@ from encircle.protocol.errors import (
     ProtocolError,
     WrongRun,
     WrongSender,
+    WrongVersion,
 )
 from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import Command, CommandMode, End, Observation, Pose, Setup
@@ -29,16 +30,17 @@ from encircle.protocol.plugins import STRATEGIES, PluginFailed, PluginLoadError
 class RobotCore:
     """The protocol around one brain. ``ended`` holds the reason once the run is over.
 
-    ``taken`` counts what was said by the world and not refused, so that it shows whether one is
-    there.
+    ``accepted`` counts messages that were not refused: as long as it grows, there is a world.
+    ``version_mismatch``: the line on the newest message that was refused because it is of another
+    version, if there was one.
 
-    ``failed``: how the robot's own code has failed, if it has. From then on the robot says so, in
-    place of commands, whatever it is asked; ``decide`` raises it, and ``report_failure`` gets it.
+    ``failed``: how the robot's own code has failed, if it has. From then on the robot's commands
+    say only that, whatever it observes; ``decide`` raises it, and ``report_failure`` gets it.
 
     ``receive`` takes bytes and never raises for them; ``decide`` is the same for an observation
-    that is already decoded, for hunts inside one process. A setup starts a fresh brain at any time:
-    a robot that was lost is taken in again with one. ``tick``: the last one that it was asked for;
-    ``mode``: what it then did; ``setups``: how many it has had.
+    that is already decoded, for hunts inside one process. A setup starts a new brain at any time: a
+    robot that was lost is readmitted with one. ``tick``: that of the last observation; ``mode``:
+    what the robot then did; ``setups``: how many it has had.
     """
 
     def __init__(
@@ -46,15 +48,16 @@ class RobotCore:
         robot: str,
         run: str,
         log: Callable[[str], None] = lambda _line: None,
-        report_failure: Callable[[PluginFailed], None] = lambda _failure_command: None,
+        report_failure: Callable[[PluginFailed], None] = lambda _failure: None,
     ) -> None:
         self.robot = robot
         self.run = run
         self.ended: str | None = None
         self.failed: PluginFailed | None = None
-        self._reported_failure: PluginFailed | None = None
+        self._last_failure: PluginFailed | None = None
         self.refused: Counter[str] = Counter()
         self.accepted = 0
+        self.version_mismatch: str | None = None
         self.setup: Setup | None = None
         self.config: brain.RobotConfig | None = None
         self.state: brain.BrainState | None = None
@@ -66,7 +69,7 @@ class RobotCore:
         self._answered: bytes | None = None
         self._answer: list[tuple[str, bytes]] = []
         self._log = log
-        self._tell_failure = report_failure
+        self._report_failure = report_failure
         self._pose_key = robot_key(run, robot, "pose")
         self._command_key = robot_key(run, robot, "command")
 
@@ -87,7 +90,7 @@ class RobotCore:
         if robot != self.robot:
             raise WrongSender(f"meant for {robot}")
         if channel == "observation":
-            # Asked once more when the answer was lost on the way: nothing is decided anew.
+            # The same once more means that the answer was lost: nothing is decided anew.
             if payload != self._answered:
                 action = self.answer(decode(Observation, payload, self.run))
                 self._answered, self._answer = payload, []
@@ -115,14 +118,14 @@ class RobotCore:
         if missing:
             raise MalformedMessage(f"Setup: parameters lack {', '.join(missing)}")
         try:
-            strategy, failed = self._policy_of(setup)
+            policy, failed = self._policy_of(setup)
             parameters = Parameters.from_mapping(setup.parameters)
         except ValueError as error:
             raise MalformedMessage(f"Setup: {error}") from None
         config = brain.RobotConfig(
-            self.robot, setup.team, setup.tick_s, strategy, parameters, setup.strategy
+            self.robot, setup.team, setup.tick_s, policy, parameters, setup.strategy
         )
-        # Whatever was known is of another life; its track may have a gap that no filter bridges.
+        # Nothing is kept of an earlier participation: the track may have a gap too long to bridge.
         self.setup, self.config, self.failed = setup, config, failed
         self.state = brain.initial(config, setup.first_tick)
         self.tick, self._answer_tick = setup.first_tick - 1, setup.answer_tick
@@ -130,7 +133,7 @@ class RobotCore:
         self._answered = None
 
     def _policy_of(self, setup: Setup) -> tuple[Policy, PluginFailed | None]:
-        """The strategy of a setup, or how it cannot be had; ``ValueError`` if nobody knows it."""
+        """The policy of a setup, or why it cannot be loaded; ``ValueError`` if it is unknown."""
         try:
             return policy_named(setup.strategy), None
         except PluginLoadError as error:
@@ -138,26 +141,26 @@ class RobotCore:
             return _no_policy, failed
 
     def answer(self, observation: Observation) -> brain.Action:
-        """As ``decide``; a robot whose own code fails answers with that instead."""
+        """As ``decide``; a robot whose own code fails answers with that failure instead."""
         try:
             return self.decide(observation)
         except PluginFailed as error:
-            if error is not self._reported_failure:
-                self.failed = self._reported_failure = error
-                self._tell_failure(error)
+            if error is not self._last_failure:
+                self.failed = self._last_failure = error
+                self._report_failure(error)
             return brain.Action(None, _failure_command(observation))
 
     def check(self, observation: Observation) -> None:
-        """Raise for what cannot be answered; nothing changes.
+        """Raise for an observation that cannot be answered; nothing changes.
 
         ``OutOfTurn`` before setup or if its tick is not the next one, ``WrongSender`` if it is for
-        another robot, ``MalformedMessage`` for what cannot be so.
+        another robot, ``MalformedMessage`` for values that are impossible for this robot.
         """
         if self.setup is None or self.config is None:
             raise OutOfTurn(f"observation of tick {observation.tick} before setup")
         if observation.robot != self.robot:
             raise WrongSender(f"observation is for {observation.robot}")
-        # By the clock ticks are left out that came late or never.
+        # By the clock a robot leaves out observations that came late or never.
         by_clock = observation.sent_us is not None and observation.tick > self.tick
         if observation.tick != self.tick + 1 and not by_clock:
             raise OutOfTurn(f"observation of tick {observation.tick} after tick {self.tick}")
@@ -168,27 +171,14 @@ class RobotCore:
             raise MalformedMessage(f"Observation: {problem}")
 
     def decide(self, observation: Observation) -> brain.Action:
-        """Answer an observation; raises as ``check``, or ``PluginFailed`` if the strategy does."""
+        """Answer an observation; raises as ``check``, or ``PluginFailed`` if the policy fails."""
         self.check(observation)
         assert self.config is not None, "checked"
         assert self.state is not None, "checked"
-        indices = brain.indices_of(self.config.team)
         self.tick, self._timed = observation.tick, observation.sent_us is not None
         if self.failed is not None:
             raise self.failed
-        packets = []
-        for packet in observation.inbox:
-            try:
-                pose = decode_pose(packet, self.run)
-                if pose.robot not in indices or pose.robot == self.robot:
-                    raise WrongSender(f"pose from {pose.robot}")
-                if pose.tick >= observation.tick:
-                    raise OutOfTurn(f"pose of tick {pose.tick} at tick {observation.tick}")
-                packets.append(
-                    self._without_invalid_relays(pose, indices) if pose.relayed else pose
-                )
-            except ProtocolError as error:
-                self.refuse("inbox", error)
+        packets = self._packets_of(observation, brain.indices_of(self.config.team))
         self.state, action = brain.step(self.state, observation, packets, self.config)
         self.mode = action.command.mode
         counts = dict(sorted(self.refused.items()))
@@ -198,33 +188,52 @@ class RobotCore:
             return action._replace(command=replace(action.command, refused=counts))
         return action
 
+    def _packets_of(self, observation: Observation, indices: Mapping[str, int]) -> list[Pose]:
+        """The packets in an observation's inbox that can be from peers; others are refused."""
+        packets = []
+        for packet in observation.inbox:
+            try:
+                pose = decode_pose(packet, self.run)
+                if pose.robot not in indices or pose.robot == self.robot:
+                    raise WrongSender(f"pose from {pose.robot}")
+                if pose.tick >= observation.tick:
+                    raise OutOfTurn(f"pose of tick {pose.tick} at tick {observation.tick}")
+            except ProtocolError as error:
+                self.refuse("inbox", error)
+                continue
+            packets.append(self._without_invalid_relays(pose, indices) if pose.relayed else pose)
+        return packets
+
     def _without_invalid_relays(self, pose: Pose, indices: Mapping[str, int]) -> Pose:
-        """The pose without those relayed detections that cannot be, which are refused."""
-        sound = []
-        for report in pose.relayed:
-            origin, tick = report[:2]
+        """The pose without those relayed detections that are impossible, which are refused."""
+        valid = []
+        for detection in pose.relayed:
+            origin, tick = detection[:2]
             if origin in indices and tick < pose.tick:
-                sound.append(report)
+                valid.append(detection)
                 continue
             complaint = f"{pose.robot} relays a detection by {origin!r} of tick {tick}"
             if origin not in indices:
                 self.refuse("inbox", WrongSender(f"{complaint}, not of this team"))
             else:
                 self.refuse("inbox", OutOfTurn(f"{complaint} at tick {pose.tick}"))
-        return pose if len(sound) == len(pose.relayed) else replace(pose, relayed=tuple(sound))
+        return pose if len(valid) == len(pose.relayed) else replace(pose, relayed=tuple(valid))
 
     def refuse(self, key: str, error: ProtocolError) -> None:
         """Count and log something that was refused."""
         self.refused[error.cause] += 1
-        self._log(f"{self.robot} refused a message on {key}: {error}")
+        line = f"{self.robot} refused a message on {key}: {error}"
+        if isinstance(error, WrongVersion):
+            self.version_mismatch = line
+        self._log(line)
 
 
 def _no_policy(view: View) -> Decision:
-    raise AssertionError(f"a robot without a strategy is not asked for one: {view}")
+    raise AssertionError(f"a robot without a policy is not to decide: {view}")
 
 
 def _failure_command(observation: Observation) -> Command:
-    """The command of a robot that cannot say what to do: it stands still."""
+    """The command of a robot whose own code has failed: it stands still."""
     robot, tick = observation.robot, observation.tick
     return Command(
         robot, tick, (0.0, 0.0), CommandMode.FAILED, None, None, None, None, None, (), False

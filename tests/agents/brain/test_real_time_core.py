@@ -135,7 +135,7 @@ def test_commands_tell_what_came_when_until_the_world_has_one_that_told():
 def test_whatever_is_lost_what_has_come_tells_of_all_that_was_heard_before(rounds, room):
     """Each round: so many packets heard, and whether the command, and news of it, gets through."""
     core = robot()
-    core._receipts_max = room
+    core._receipts.carried_max = room
     heard, known, has, number = [], [], None, 0
     for tick, (packets, command_comes, news_comes) in enumerate(rounds, 1):
         for _ in range(packets):
@@ -207,7 +207,7 @@ def test_more_packets_than_a_command_can_tell_of_wait_for_the_next():
 
 def test_as_long_as_there_is_no_room_to_tell_nothing_more_is_heard_or_answered(monkeypatch):
     monkeypatch.setattr(
-        "encircle.agents.brain.real_time_core.UNACKNOWLEDGED_MAX", UNACKNOWLEDGED_MAX
+        "encircle.agents.brain.unacknowledged.UNACKNOWLEDGED_MAX", UNACKNOWLEDGED_MAX
     )
     core = robot()
     for tick in range(UNACKNOWLEDGED_MAX):

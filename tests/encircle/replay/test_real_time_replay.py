@@ -101,7 +101,7 @@ def test_lost_commands_and_observations_are_no_trouble(tmp_path, frozen_us):
 
 def test_a_command_of_which_none_tells_is_not_checked(tmp_path, monkeypatch):
     """More is heard than commands have room for, and the run ends."""
-    monkeypatch.setattr("encircle.agents.brain.real_time_core.RECEIPTS_MAX", 2)
+    monkeypatch.setattr("encircle.agents.brain.unacknowledged.RECEIPTS_MAX", 2)
     Simulated(by_clock("radio=direct"), delays_us, out=tmp_path).run()
     found = replay(tmp_path)
     assert found.differences == ()

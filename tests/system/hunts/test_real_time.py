@@ -15,7 +15,7 @@ from helpers_waiting import ample_s, communicated, ended, joined, taken, until
 import encircle
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.process.real_time import answer
-from encircle.agents.process.robot import _RobotRuns
+from encircle.agents.process.robot_runs import RobotRuns
 from encircle.network.transport import ledger_of
 from encircle.protocol import mailbox
 from encircle.protocol.codec import decode, encode
@@ -197,8 +197,8 @@ def test_the_end_is_heard_even_where_there_is_no_room(monkeypatch):
 def test_garbage_before_the_first_observation_does_not_hide_that_the_world_goes_by_the_clock():
     hub = MemoryHub()
     world, connection = (hub.connection([robot_key(RUN, "r1", "")]) for _ in range(2))
-    life = _RobotRuns("r1", RUN, lambda _line: None, rejoins=False)
-    thread = threading.Thread(target=life.answer, args=(connection,), daemon=True)
+    runs = RobotRuns("r1", RUN, lambda _line: None, rejoins=False)
+    thread = threading.Thread(target=runs.answer, args=(connection,), daemon=True)
     thread.start()
     seen = Observation("r1", 0, (4.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
     told = {
@@ -214,4 +214,4 @@ def test_garbage_before_the_first_observation_does_not_hide_that_the_world_goes_
     command = decode(Command, said[robot_key(RUN, "r1", "command")], RUN)
     assert command.timing is not None
     assert command.refused == {"malformed": 1}
-    assert life.core.ended == "captured"
+    assert runs.core.ended == "captured"

@@ -22,9 +22,10 @@ from helpers_security import Lab, free_endpoint
 from helpers_waiting import LONGEST_S, taken, until
 
 from encircle.agents.brain.robot_core import RobotCore
-from encircle.agents.process import robot as shell
+from encircle.agents.process import world_watch
 from encircle.agents.process.real_time import is_timed
-from encircle.agents.process.robot import _RobotRuns, _Supervisor
+from encircle.agents.process.robot_runs import RobotRuns
+from encircle.agents.process.world_watch import RobotEnd, WorldWatch
 from encircle.protocol.codec import encode
 from encircle.protocol.errors import UnknownKey
 from encircle.protocol.keys import robot_key, world_key
@@ -245,20 +246,21 @@ class World:
     """What a robot hears of a world, without one: messages as they would come."""
 
     def __init__(self, monkeypatch) -> None:
-        monkeypatch.setattr(shell, "SUSPICION_S", 0.02)
+        monkeypatch.setattr(world_watch, "SUSPICION_S", 0.02)
         self.said: list[str] = []
-        self.life = _RobotRuns("r1", RUN, self.said.append, rejoins=False)
-        self.supervisor = _Supervisor(
-            self.life, self.said.append, "the world", (LONGEST_S, LONGEST_S)
+        self.runs = RobotRuns("r1", RUN, self.said.append, rejoins=False)
+        self.end = RobotEnd()
+        self.watch = WorldWatch(
+            self.runs, self.end, self.said.append, "the world", LONGEST_S, LONGEST_S
         )
         self.tick = 0
         setup = Setup("r1", ("r1", "r2"), 0.1, "xi-star", BODIES)
-        assert self.life.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN)) == []
+        assert self.runs.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN)) == []
 
     def ask(self, payload: bytes | None = None) -> None:
         seen = Observation("r1", self.tick, (0.0, 0.0), 0.0, None, (6.0,) * 8, (), ())
         key = robot_key(RUN, "r1", "observation")
-        if self.life.core.receive(key, payload or encode(seen, RUN)):
+        if self.runs.core.receive(key, payload or encode(seen, RUN)):
             self.tick += 1
 
     async def until_said(self, text: str, ask) -> None:
@@ -270,7 +272,7 @@ class World:
 def test_a_world_without_a_token_that_is_heard_is_there_and_one_that_is_not_is_gone(monkeypatch):
     async def live() -> None:
         world = World(monkeypatch)
-        world.supervisor.world_changed(False)
+        world.watch.world_changed(False)
         for _ in range(200):
             world.ask()
             await asyncio.sleep(0.001)
@@ -278,7 +280,7 @@ def test_a_world_without_a_token_that_is_heard_is_there_and_one_that_is_not_is_g
         # What anybody may send is no word of the world's.
         await world.until_said("is gone", partial(world.ask, b"garbage"))
         await world.until_said("is back", world.ask)
-        world.supervisor.end_waits()
+        world.watch.cancel()
 
     asyncio.run(live())
 
@@ -286,12 +288,12 @@ def test_a_world_without_a_token_that_is_heard_is_there_and_one_that_is_not_is_g
 def test_what_anybody_may_send_does_not_keep_a_robot_waiting_for_a_world_for_ever(monkeypatch):
     async def live() -> str:
         world = World(monkeypatch)
-        world.life.core.setup = world.life.core.config = None
-        world.supervisor._join_s_max = 0.02
-        world.supervisor.await_world()
+        world.runs.core.setup = world.runs.core.config = None
+        world.watch._join_s_max = 0.02
+        world.watch.await_admission()
         world.ask(b"garbage")
         async with asyncio.timeout(LONGEST_S):
-            return await world.supervisor.failure
+            return await world.end.reason
 
     assert "did not take this robot in" in asyncio.run(live())
 
