@@ -231,7 +231,7 @@ def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path
     wait_for_robots(hunt.endpoint, RUN, 2)
     for robot, script in (("r3", STRANGER), ("r4", page)):
         command = [sys.executable, str(script), robot, RUN, hunt.endpoint]
-        hunt.nodes.append(Party(command, tmp_path / robot, {}))
+        hunt.parties.append(Party(command, tmp_path / robot, {}))
     hunt.wait_for_ticks()
     for token in kept:
         token.undeclare()
@@ -239,7 +239,7 @@ def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path
     hunt.wait_for_ticks()
     assert hunt.departures == []
     hunt.world.kill()
-    assert hunt.nodes[-1].end() == 1
+    assert hunt.parties[-1].end() == 1
 
 
 class World:
