@@ -12,43 +12,76 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from encircle.agents.policies.policies import Decision, Policy, View
+    from encircle.protocol.process.interrupts import Interrupted
     from encircle.runner.hunts import Hunt, resume, run
-    from encircle.runner.launch import Timeouts
+    from encircle.runner.launch import RunFailed, Timeouts
+    from encircle.studies.plan import StudyError
     from encircle.studies.study import Study
+    from encircle.studies.workers import StudyFailed
+    from encircle.world.coordinator.result import Result
     from encircle.world.loading.files import shipped
     from encircle.world.loading.load import load
-    from encircle.world.loading.remarks import ScenarioRemark
+    from encircle.world.loading.remarks import ScenarioRemark, remarks_on
+    from encircle.world.recording.run_directory import RunDirectoryError
     from encircle.world.scenario.errors import ScenarioError
     from encircle.world.scenario.model import Scenario
+    from encircle.world.targets.behaviours import Behaviour, TargetView
 
 __all__ = [
+    "Behaviour",
+    "Decision",
     "Hunt",
+    "Interrupted",
+    "Policy",
+    "Result",
+    "RunDirectoryError",
+    "RunFailed",
     "Scenario",
     "ScenarioError",
     "ScenarioRemark",
+    "Study",
+    "StudyError",
+    "StudyFailed",
+    "TargetView",
     "Timeouts",
+    "View",
     "load",
+    "remarks_on",
     "resume",
     "run",
     "shipped",
     "study",
 ]
 _MODULE_OF = {
+    **dict.fromkeys(("Decision", "Policy", "View"), "encircle.agents.policies.policies"),
     **dict.fromkeys(("Hunt", "resume", "run"), "encircle.runner.hunts"),
-    "Timeouts": "encircle.runner.launch",
+    **dict.fromkeys(("RunFailed", "Timeouts"), "encircle.runner.launch"),
+    **dict.fromkeys(("ScenarioRemark", "remarks_on"), "encircle.world.loading.remarks"),
+    **dict.fromkeys(("Behaviour", "TargetView"), "encircle.world.targets.behaviours"),
+    "Interrupted": "encircle.protocol.process.interrupts",
+    "Result": "encircle.world.coordinator.result",
+    "RunDirectoryError": "encircle.world.recording.run_directory",
     "Scenario": "encircle.world.scenario.model",
     "ScenarioError": "encircle.world.scenario.errors",
-    "ScenarioRemark": "encircle.world.loading.remarks",
+    "Study": "encircle.studies.study",
+    "StudyError": "encircle.studies.plan",
+    "StudyFailed": "encircle.studies.workers",
     "load": "encircle.world.loading.load",
     "shipped": "encircle.world.loading.files",
 }
 
 
 def __getattr__(name: str) -> Any:
-    """Fetch a name when it is used: the command line must be there before numpy is."""
+    """Fetch a name when it is used first: the command line must be there before numpy is."""
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_MODULE_OF[name]), name)
+
+
+def __dir__() -> list[str]:
+    """All names, for completion, also those that have not been used yet."""
+    return sorted({*globals(), *__all__})
 
 
 def study(

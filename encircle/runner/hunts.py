@@ -98,7 +98,7 @@ def run(
     for one process per robot and one for the world, ``memory`` for the same code in this process.
     ``out``: a directory for recording and summary, which must be new or empty; none by default.
     ``progress`` is called now and then with ``{"tick", "distances_m"}``. ``when_lost``: whether the
-    run is to ``go-on`` without a robot whose process is lost, or to ``end``. ``patience``: how long
+    run is to ``go-on`` without a robot whose process is lost, or to ``end``. ``timeouts``: how long
     processes are waited for, ``encircle.runner.launch.TIMEOUTS`` if left out.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
@@ -151,9 +151,8 @@ def resume(
 
     The recording becomes whole; what it was is kept beside it. ``link``, ``progress``,
     ``when_lost`` and ``timeouts``: as for ``run``, and the link may be another. Raises
-    ``RunDirectoryError`` if
-    there is nothing to go on with, or if what is recorded is not what this program comes to;
-    then nothing has been changed. ``RunFailed`` as for ``run``.
+    ``RunDirectoryError`` if there is nothing to go on with, or if what is recorded is not what this
+    program comes to; then nothing has been changed. ``RunFailed`` as for ``run``.
     """
     from encircle.world.recording.resuming import read_last, rebuild
 
