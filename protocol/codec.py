@@ -4,15 +4,14 @@ Decoding trusts nothing: length, version, run, the exact set of fields, each onc
 and every number's finiteness are checked, and the error names the field, its value and who sent it.
 Fields, their order and their checks are those that the messages' classes declare
 (``encircle.protocol.wire.declaration``). A long payload is looked through before it is unpacked,
-which takes far more memory. Encoding is canonical (fixed field order, no optional fields left out),
-so equal messages have equal bytes.
+which takes far more memory. Encoding is canonical: the order of fields is fixed, and a field that
+may be left out is left out if it has its default; so equal messages have equal bytes.
 """
 
 import math
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
-from operator import attrgetter
 from typing import Any, TypeAlias, TypeVar
 
 import msgpack
@@ -22,7 +21,7 @@ from encircle.protocol.consistency import problem_of
 from encircle.protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
 from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
 from encircle.protocol.wire.checks import are_plain_reports
-from encircle.protocol.wire.declaration import declared_fields
+from encircle.protocol.wire.layout import Layout, layout_of
 from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, TEXT_MAX
 from encircle.protocol.wire.packing import (
     DuplicateName,
@@ -46,12 +45,13 @@ BYTES_MAX: dict[type[Any], int] = {
     State: 256 * 1024,
     Radio: 1024 * 1024,
 }
+_LAYOUTS = {kind: layout_of(kind) for kind in BYTES_MAX}
 LEAN_BYTES_MAX = 64 * 1024
 """What an observation takes at most besides its packets, for the largest team."""
 PACKET_BYTES_MIN = 64
 """No pose is shorter: the names of its fields alone take more."""
 VERSION_AND_RUN_BYTES = 8  # "v", version, "run", and the size of a name below 32 letters
-SHOWN_MAX = 80
+SHOWN_MAX, UNKNOWN_SHOWN_MAX = 80, 5
 _FLOAT = {float}
 DECODED_POSES_MAX = 4096
 _decoded_poses: dict[tuple[bytes, str], Pose] = {}
@@ -74,8 +74,11 @@ def encode(message: Message, run: str) -> bytes:
 
 def encode_any_length(message: Message, run: str) -> bytes:
     """As ``encode``, of any length: a message that came in otherwise packed may grow."""
-    kind = type(message)
-    body = dict(zip(_NAMES[kind], (VERSION, run, *_VALUES[kind](message)), strict=True))
+    layout = _LAYOUTS[type(message)]
+    body = dict(zip(layout.names, (VERSION, run, *layout.values(message)), strict=True))
+    for name, default in layout.defaults.items():
+        if body[name] == default:
+            del body[name]
     payload: bytes = msgpack.packb(body)
     return payload
 
@@ -90,13 +93,16 @@ def body_of(payload: bytes, run: str) -> bytes:
 
 def begins_canonically(kind: type[Any], payload: bytes, run: str) -> bool:
     """Whether version and run come first, in the shortest form: senders may do otherwise."""
-    return payload.startswith(_header(kind, run))  # type: ignore[arg-type]  # types are hashable
+    return payload.startswith(_headers(kind, run))  # type: ignore[arg-type]  # types are hashable
 
 
 @lru_cache(maxsize=64)
-def _header(kind: type[Any], run: str) -> bytes:
+def _headers(kind: type[Any], run: str) -> tuple[bytes, ...]:
+    """What a payload may begin with, by how many fields are left out of it."""
     parts: list[bytes] = [msgpack.packb(part) for part in ("v", VERSION, "run", run)]
-    return map_header(len(_NAMES[kind])) + b"".join(parts)
+    layout = _LAYOUTS[kind]
+    sizes = range(len(layout.always), len(layout.names) + 1)
+    return tuple([map_header(size) + b"".join(parts) for size in sizes])
 
 
 def decode_pose(payload: bytes, run: str) -> Pose:
@@ -126,7 +132,7 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
         body = msgpack.unpackb(payload, use_list=False)
     except Exception:  # as in decode, which will say what is wrong
         return None
-    if tuple(body) != _NAMES[Pose]:
+    if tuple(body) != _LAYOUTS[Pose].always:
         return None
     values = tuple(body.values())
     if tuple(map(type, values)) not in _POSE_TYPES:
@@ -175,24 +181,20 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
         )
     if body.get("run") != run:
         raise WrongRun(f"{kind.__name__} is for run {_shown(body.get('run'))}, this is {run!r}")
-    names, checks = _NAMES[kind], _CHECKS[kind]
-    if tuple(body) == names:
+    layout = _LAYOUTS[kind]
+    if tuple(body) == layout.names:
         values = tuple(body.values())[2:]
-        # Unpacked, a field that came twice is there once; the map's header tells.
-        if payload[0] != 0x80 + len(names) and map_size(payload) != len(names):
-            raise _duplicate_names(kind)
-    elif len(body) == len(names) and all(name in body for name in names):
-        values = tuple([body[name] for name in names[2:]])
-        if map_size(payload) != len(names):
-            raise _duplicate_names(kind)
     else:
-        raise _wrong_fields(kind, body)
-    for index in _MAP_INDICES[kind]:
+        values = _values_in_order(kind, layout, body)
+    # Unpacked, a field that came twice is there once; the map's header tells.
+    if payload[0] != 0x80 + len(body) and map_size(payload) != len(body):
+        raise MalformedMessage(f"{kind.__name__}: a field comes twice")
+    for index in layout.map_indices:
         if values[index]:
             _check_names(kind, payload)
             break
     try:
-        message = kind(*[check(value) for check, value in zip(checks, values, strict=True)])
+        message = kind(*[check(value) for check, value in zip(layout.checks, values, strict=True)])
     except (TypeError, ValueError):
         raise _wrong_value(kind, body, values) from None
     if (problem := problem_of(message)) is not None:
@@ -203,7 +205,9 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
 def _check_bulk(payload: bytes) -> None:
     """Refuse an observation that is long by anything but packets, without unpacking it."""
     try:
-        packets = bytes_in_list(payload, "inbox", PACKET_BYTES_MIN, len(_NAMES[Observation]))
+        packets = bytes_in_list(
+            payload, "inbox", PACKET_BYTES_MIN, len(_LAYOUTS[Observation].names)
+        )
     except Exception as error:  # as in decode
         raise MalformedMessage(f"Observation is not msgpack: {error or type(error)}") from error
     if len(payload) - packets > LEAN_BYTES_MAX:
@@ -221,15 +225,25 @@ def _check_names(kind: type[Any], payload: bytes) -> None:
         raise MalformedMessage(f"{kind.__name__}: {_shown(str(error))} comes twice") from None
 
 
-def _duplicate_names(kind: type[Any]) -> MalformedMessage:
-    return MalformedMessage(f"{kind.__name__}: a field comes twice")
+def _values_in_order(kind: type[Any], layout: Layout, body: Mapping[Any, Any]) -> tuple[Any, ...]:
+    """The values of fields that came in another order, or of which some are left out."""
+    missing = [name for name in layout.always if name not in body]
+    unknown = [name for name in body if name not in layout.names]
+    if missing or unknown:
+        shown = sorted([str(name)[:SHOWN_MAX] for name in unknown])[:UNKNOWN_SHOWN_MAX]
+        raise MalformedMessage(
+            f"{kind.__name__}: fields missing {sorted(missing)}, unknown {shown}"
+        )
+    values = {**layout.defaults, **body}
+    return tuple([values[name] for name in layout.names[2:]])
 
 
 def _wrong_value(
     kind: type[Any], body: Mapping[str, Any], values: tuple[Any, ...]
 ) -> MalformedMessage:
     """The error that names the first field whose value is refused."""
-    for name, check, value in zip(_NAMES[kind][2:], _CHECKS[kind], values, strict=True):
+    layout = _LAYOUTS[kind]
+    for name, check, value in zip(layout.names[2:], layout.checks, values, strict=True):
         try:
             check(value)
         except (TypeError, ValueError) as error:
@@ -240,31 +254,7 @@ def _wrong_value(
     raise AssertionError(f"{kind.__name__}: no field is wrong")
 
 
-def _wrong_fields(kind: type[Any], body: Mapping[Any, Any]) -> MalformedMessage:
-    wanted = set(_NAMES[kind])
-    missing = sorted(wanted - set(body))
-    unknown = sorted(str(name)[:SHOWN_MAX] for name in set(body) - wanted)
-    return MalformedMessage(f"{kind.__name__}: fields missing {missing}, unknown {unknown[:5]}")
-
-
 def _shown(value: object) -> str:
     # reprlib goes neither deep nor far, whatever a stranger sends.
     text = reprlib.repr(value)
     return text if len(text) <= SHOWN_MAX else text[:SHOWN_MAX] + "..."
-
-
-_FIELDS = {kind: declared_fields(kind) for kind in BYTES_MAX}
-_NAMES: dict[type[Any], tuple[str, ...]] = {
-    kind: ("v", "run", *(field.name for field in fields)) for kind, fields in _FIELDS.items()
-}
-_VALUES: dict[type[Any], Callable[[Any], tuple[Any, ...]]] = {
-    kind: attrgetter(*names[2:]) for kind, names in _NAMES.items()
-}
-_CHECKS: dict[type[Any], tuple[Callable[[Any], Any], ...]] = {
-    kind: tuple(field.type.check for field in fields) for kind, fields in _FIELDS.items()
-}
-_MAP_INDICES: dict[type[Any], tuple[int, ...]] = {
-    kind: tuple(index for index, field in enumerate(fields) if field.type.has_map)
-    for kind, fields in _FIELDS.items()
-}
-"""Which fields of a message have a map inside."""

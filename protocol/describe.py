@@ -7,6 +7,7 @@ A table stands between two comments, of which the first names the kind of messag
 on the page is written by hand.
 """
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 
 from encircle.protocol.codec import BYTES_MAX
 from encircle.protocol.process.log import say, say_error
-from encircle.protocol.wire.declaration import declared_fields
+from encircle.protocol.wire.declaration import DeclaredField, declared_fields
 
 PAGE = Path("docs/protocol.md")
 _HEADER = "| field | type | unit | meaning |\n|---|---|---|---|\n"
@@ -24,11 +25,14 @@ _END = "<!-- end of fields -->\n"
 
 def table(kind: type[Any]) -> str:
     """The rows of a kind of message as a Markdown table."""
-    rows = [
-        f"| `{field.name}` | {field.type.text} | {field.unit} | {field.meaning} |\n"
-        for field in declared_fields(kind)
-    ]
-    return _HEADER + "".join(rows)
+    return _HEADER + "".join(map(_row, declared_fields(kind)))
+
+
+def _row(field: DeclaredField) -> str:
+    meaning = field.meaning
+    if field.may_be_left_out:
+        meaning += f"; may be left out, and is then {json.dumps(field.default)}"
+    return f"| `{field.name}` | {field.type.text} | {field.unit} | {meaning} |\n"
 
 
 def current(page: str) -> str:

@@ -24,15 +24,17 @@ _MARKDOWN_LINK = re.compile(r"\[([^\]]+)\]\(#[^)]*\)")
 
 def json_schema(channel: str) -> dict[str, Any]:
     """The schema of a channel's messages."""
+    fields = declared_fields(KINDS[channel])
     properties = dict(_HEADER)
-    for field in declared_fields(KINDS[channel]):
+    for field in fields:
         properties[field.name] = field.type.schema | {"description": _description(field)}
+    required = [*_HEADER, *(field.name for field in fields if not field.may_be_left_out)]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": channel,
         "type": "object",
         "properties": properties,
-        "required": list(properties),
+        "required": required,
         "additionalProperties": False,
     }
 
