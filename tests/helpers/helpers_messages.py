@@ -4,6 +4,7 @@ from typing import Any
 
 from encircle.protocol.codec import Message
 from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+from encircle.protocol.wire.declaration import declared_fields
 
 SAMPLES: dict[type[Any], Message] = {
     Setup: Setup(
@@ -47,6 +48,15 @@ SAMPLES: dict[type[Any], Message] = {
     State: State(5, ((0.0, 1.0),), (0.5,), (2.0, 3.0), False, (("r1", "target"),)),
     Radio: Radio(4, ((0, 5), (-2, 0)), ((0, 7), (0, 0))),
 }
+
+
+def sent_names(message: Message) -> list[str]:
+    """The fields that are sent: not those that may be left out and have their defaults."""
+    return [
+        field.name
+        for field in declared_fields(type(message))
+        if not field.may_be_left_out or getattr(message, field.name) != field.default
+    ]
 
 
 # Each line of hex is a field: its name, then its value. The first is the map's size, v and run.
