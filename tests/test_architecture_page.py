@@ -8,9 +8,8 @@ from helpers_paths import ROOT
 PACKAGES = ("agents", "encircle", "protocol", "world")
 FILES_MAX = 16
 PAGES = sorted((ROOT / "docs").rglob("*.md")) + sorted(ROOT.glob("*.md"))
-PATH = re.compile(
-    rf"`((?:{'|'.join((*PACKAGES, 'tests', 'bench', 'docs'))})/[\w/-]+\.(?:py|md|toml|yml|json))`"
-)
+FOLDERS = "|".join((*PACKAGES, "tests", "bench", "docs"))
+PATH = re.compile(rf"`((?:{FOLDERS})/[\w/-]+\.(?:py|md|toml|yml|json))`")
 
 
 def rooms():
