@@ -15,7 +15,6 @@ import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 
-from encircle.agents.process.deferred_imports import deferred
 from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say_error
 from encircle.protocol.programs.option_values import name_of, seconds
@@ -58,8 +57,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
     options.add_flag("--quiet", "say only what goes wrong")
     settings = options.parse(arguments)
     # Imported late: a mistyped command need not wait for scipy.
-    with deferred("scipy.stats", "scipy.ndimage"):
-        from encircle.agents.process.robot import JOIN_S_MAX, WORLD_S_MAX, RobotOptions, run_robot
+    from encircle.agents.process.robot import JOIN_S_MAX, WORLD_S_MAX, RobotOptions, run_robot
     from encircle.protocol.zenoh.configuration import warning
 
     join_s_max = settings.join_timeout or JOIN_S_MAX

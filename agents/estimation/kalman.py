@@ -18,11 +18,14 @@ from functools import lru_cache
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from filterpy.common import Q_discrete_white_noise
-from filterpy.kalman import predict, update
 from numpy.typing import NDArray
 
+from encircle.agents.estimation.deferred_imports import deferred
 from encircle.protocol.parameters import Parameters
+
+with deferred("numpy.f2py", "scipy.stats", "scipy.ndimage"):
+    from filterpy.common import Q_discrete_white_noise
+    from filterpy.kalman import predict, update
 
 COVARIANCE_DIGITS = 12
 

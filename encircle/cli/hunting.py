@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -70,6 +70,13 @@ def _load(request: HuntRequest) -> Scenario:
         raise
 
 
+def _picture(directory: Path) -> bytes:
+    # Imported after the hunt: the robots need not wait for the plotting library.
+    from encircle.figures.figures import picture_of_run
+
+    return picture_of_run(directory)
+
+
 def show_transport(directory: Path) -> None:
     """What the network did in a run by the clock, from its summary."""
     summary = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
@@ -77,8 +84,13 @@ def show_transport(directory: Path) -> None:
         show(summary["transport"], Console(), SHOWN_MAX)
 
 
-def hunt_and_draw(request: HuntRequest, as_json: bool) -> None:
-    """Run or resume a hunt, draw it, and show what came of it; raises as ``encircle.run``."""
+def hunt_and_draw(
+    request: HuntRequest, as_json: bool, draw: Callable[[Path], bytes] = lambda _directory: b""
+) -> None:
+    """Run or resume a hunt, draw it, and show what came of it; raises as ``encircle.run``.
+
+    ``draw`` makes the picture of a run, or nothing if it has to be made here.
+    """
     if request.resume is None:
         scenario = _load(request)
         directory = request.out or default_directory(request.scenario, scenario.seed)
@@ -100,10 +112,7 @@ def hunt_and_draw(request: HuntRequest, as_json: bool) -> None:
     figure = directory / "trajectory.png"
     try:
         with exit_message(f"; the run is over and recorded in {directory}, but not drawn"):
-            # Imported after the hunt: the robots need not wait for the plotting library.
-            from encircle.figures.figures import draw_run
-
-            draw_run(directory, figure)
+            figure.write_bytes(draw(directory) or _picture(directory))
     except OSError as error:
         raise RunFailed(f"cannot draw {figure}: {error.strerror}") from None
     if as_json:

@@ -1,8 +1,10 @@
 """The options of ``encircle run``."""
 
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 
+from encircle.cli.painter import Painter
 from encircle.protocol.programs.option_values import one_of, seconds, whole_number
 from encircle.protocol.programs.options import Options, variable_of
 from encircle.runner.links import LINKS
@@ -20,11 +22,23 @@ def main(arguments: Sequence[str], program: str) -> int:
         options.error(
             "--resume goes with neither a scenario nor --seed, --set or --out: the run has its own"
         )
+    painter = None
     if settings.link == "zenoh":
         from encircle.runner.nodes import fork_server
 
         # What the nodes need is imported there while this process imports what it needs itself.
         fork_server()
+    else:
+        painter = Painter()
+    try:
+        _hunt(settings, painter)
+    finally:
+        if painter is not None:
+            painter.close()
+    return 0
+
+
+def _hunt(settings: Namespace, painter: Painter | None) -> None:
     # Imported late: a mistyped command need not wait for the display.
     from encircle.cli.hunting import HuntRequest, hunt_and_draw
     from encircle.runner.launch import TIMEOUTS, Timeouts
@@ -43,8 +57,10 @@ def main(arguments: Sequence[str], program: str) -> int:
         settings.when_lost,
         timeouts,
     )
-    hunt_and_draw(request, settings.json)
-    return 0
+    if painter is None:
+        hunt_and_draw(request, settings.json)
+    else:
+        hunt_and_draw(request, settings.json, painter.draw)
 
 
 def _options(program: str) -> Options:

@@ -11,6 +11,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -240,14 +241,27 @@ def note(
     )
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as a PNG."""
+def png_of(figure: Figure) -> bytes:
+    """A figure as a PNG."""
     FigureCanvasAgg(figure)
-    # Written in one go: a figure that Ctrl-C cuts off is not there at all.
     made = BytesIO()
     figure.savefig(made, format="png")
-    path.write_bytes(made.getvalue())
+    return made.getvalue()
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure as a PNG."""
+    # Written in one go: a figure that Ctrl-C cuts off is not there at all.
+    path.write_bytes(png_of(figure))
     return path
+
+
+def warm_up() -> None:
+    """Have matplotlib load fonts and its parser of formulas, which the first figure waits for."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure()
+        figure.text(0.5, 0.5, "words and $S_1$")
+        png_of(figure)
 
 
 def draw_sensing(axes: Axes, ground_truth: GroundTruth, row: int) -> None:

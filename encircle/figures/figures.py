@@ -32,6 +32,7 @@ from encircle.figures.drawing import (
     draw_trails,
     note,
     panels_figure,
+    png_of,
     save,
 )
 from encircle.figures.trajectories import paths_figure
@@ -59,11 +60,20 @@ class TimeCurve:
 
 def draw_run(directory: Path, path: Path) -> Path:
     """Draw the trajectories of a recorded run, finished or not, as a PNG; returns its path."""
+    return save(_run_figure(directory), path)
+
+
+def picture_of_run(directory: Path) -> bytes:
+    """As ``draw_run``, the PNG itself."""
+    return png_of(_run_figure(directory))
+
+
+def _run_figure(directory: Path) -> Figure:
     ground_truth = ground_truth_of(read_recording(directory))
     title = "\n".join(
         map(printable, filter(None, (ground_truth.scenario.title, ground_truth.outcome)))
     )
-    return save(paths_figure(ground_truth, title, labelled=False), path)
+    return paths_figure(ground_truth, title, labelled=False)
 
 
 def draw_trajectories(recording: Recording, path: Path) -> Path:

@@ -57,12 +57,8 @@ PROGRAMS = {
 
 def preload() -> None:
     """Import what robots, world and router need when they run."""
-    # First, for it postpones what a robot never uses.
-    from encircle.agents.process.deferred_imports import deferred
-
-    with deferred("scipy.stats", "scipy.ndimage"):
-        import_module("encircle.agents.process.robot")
     for name in (
+        "encircle.agents.process.robot",
         "encircle.protocol.zenoh.configuration",
         "encircle.protocol.zenoh.liveliness",
         "encircle.protocol.zenoh.refusals",
