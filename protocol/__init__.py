@@ -1,7 +1,7 @@
-"""The words that robots and world exchange: messages, codec, keys, links and the lock-step table.
+"""What robots and world exchange: messages, codec, keys, connections, the lock-step table.
 
 Nothing here decides anything about a hunt. The modules are usable on their own by a robot or a
-viewer written elsewhere; ``docs/protocol.md`` is the reference for those in other languages.
+viewer of another project; ``docs/protocol.md`` is the reference for those in other languages.
 """
 
 VERSION = 3

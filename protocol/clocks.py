@@ -1,20 +1,21 @@
 """How far another clock is from this one, and how sure that is.
 
-A question and its answer carry four times: asked here (1), heard there (2), answered there (3),
-heard here (4). With one-way delays d and e the remote clock is ahead by
+A question and its answer give four times: the question leaves here (t1) and arrives there (t2), the
+answer leaves there (t3) and arrives here (t4). If the question is under way for d and the answer
+for e, the remote clock is ahead by
 
-    offset = ((t2 - t1) - (t4 - t3)) / 2 + (e - d) / 2,
+    offset = ((t2 - t1) - (t4 - t3)) / 2 + (e - d) / 2.
 
-and all that is known of d and e is that neither is negative and that together they are what the
-round took, ``round_trip = (t4 - t1) - (t3 - t2)``. So the midpoint is wrong by at most half the
-round trip, however unequal the two ways are (Mills, RFC 5905, section 8). Clocks also run at
-different speeds, by at most ``DRIFT`` here. Then an exchange tells of another time only within
-``DRIFT`` times the time in between, and of its own within as much of its own length. Of all
-exchanges within ``WINDOW_US`` of a time the one with the smallest bound there is taken: it is the
-quickest one, unless that is long ago.
+Neither d nor e is negative, and their sum is the round trip, ``(t4 - t1) - (t3 - t2)``; nothing
+else is known of them. So the first term alone is wrong by at most half the round trip, however much
+d and e differ (Mills, RFC 5905, section 8). Clocks also run at different speeds; the difference is
+assumed to be at most ``DRIFT``. Therefore the bound of an exchange grows by ``DRIFT`` times the
+time between the exchange and the time that is asked about, and by ``DRIFT`` times the length of the
+exchange. Of all exchanges within ``WINDOW_US`` of a time the one with the smallest bound there is
+used: the one with the shortest round trip, unless it was long ago.
 
-A clock that is set anew during a run breaks this; ``is_steady`` says whether exchanges contradict
-each other. Times are whole microseconds; reading one down to that costs another microsecond.
+All this is wrong if a clock is set during a run; ``is_steady`` says whether exchanges contradict
+each other. Times are whole microseconds; this rounding adds one microsecond to a bound.
 """
 
 from bisect import bisect_right
@@ -38,12 +39,12 @@ class Exchange(NamedTuple):
 
     @property
     def round_trip_us(self) -> int:
-        """How long question and answer were on their way together, as far as the clocks say."""
+        """How long question and answer were under way in sum, as far as the clocks say."""
         return (self.arrival_us - self.asked_us) - (self.answered_us - self.received_us)
 
     @property
     def offset_us(self) -> float:
-        """How far the remote clock is ahead, if both ways take equally long."""
+        """How far the remote clock is ahead, if question and answer were under way equally long."""
         return ((self.received_us - self.asked_us) + (self.answered_us - self.arrival_us)) / 2
 
     @property
@@ -53,8 +54,8 @@ class Exchange(NamedTuple):
         Half the true round trip; that of these times is wrong by the drift over the remote part of
         it, and the offset itself changes by the drift over the whole.
         """
-        took_us = max(0, self.arrival_us - self.asked_us)
-        return max(0, self.round_trip_us) / 2 + 1.5 * DRIFT * took_us + READING_US
+        length_us = max(0, self.arrival_us - self.asked_us)
+        return max(0, self.round_trip_us) / 2 + 1.5 * DRIFT * length_us + READING_US
 
 
 class Offset(NamedTuple):
@@ -65,7 +66,7 @@ class Offset(NamedTuple):
 
 
 class Offsets:
-    """What some exchanges with one remote clock tell of its offset at any time."""
+    """The offset of one remote clock at any time, from some exchanges with it."""
 
     def __init__(self, exchanges: Sequence[Exchange]) -> None:
         self.exchanges = sorted(exchanges, key=lambda exchange: exchange.arrival_us)
@@ -78,30 +79,30 @@ class Offsets:
         """The offset at a time by this clock; None without an exchange within ``WINDOW_US``."""
         after = bisect_right(self._arrival_us, time_us)
         candidates = [
-            ranked[place]
-            for ranked, place in (
+            exchanges[index]
+            for exchanges, index in (
                 (self._before, after - 1),
                 (self.exchanges, after - 1),
                 (self.exchanges, after),
                 (self._after, after),
             )
-            if 0 <= place < len(ranked)
+            if 0 <= index < len(exchanges)
         ]
-        found = [
+        offsets = [
             Offset(exchange.offset_us, _error_us(exchange, time_us))
             for exchange in candidates
-            if _apart_us(exchange, time_us) <= WINDOW_US
+            if _distance_us(exchange, time_us) <= WINDOW_US
         ]
-        return min(found, key=lambda offset: offset.error_us, default=None)
+        return min(offsets, key=lambda offset: offset.error_us, default=None)
 
     def of_remote(self, time_us: float) -> Offset | None:
         """As ``at``, for a time by the remote clock."""
         if not self.exchanges:
             return None
-        # Good to within the drift and a round trip, which is near enough to choose an exchange.
-        near = self.exchanges[0].offset_us
-        found = self.at(time_us - near)
-        return found and (self.at(time_us - found.offset_us) or found)
+        # Wrong by the drift and a round trip at most, which is enough to choose an exchange.
+        approximate_us = self.exchanges[0].offset_us
+        offset = self.at(time_us - approximate_us)
+        return offset and (self.at(time_us - offset.offset_us) or offset)
 
     @property
     def last(self) -> Offset | None:
@@ -110,32 +111,30 @@ class Offsets:
 
     @property
     def is_steady(self) -> bool:
-        """Whether neighbouring exchanges agree within their bounds: no clock was set anew."""
-        known = self.exchanges
+        """Whether neighbouring exchanges agree within their bounds: no clock was set."""
         return all(
             abs(a.offset_us - b.offset_us)
             <= a.error_us + b.error_us + DRIFT * max(0, b.arrival_us - a.arrival_us)
-            for a, b in pairwise(known)
+            for a, b in pairwise(self.exchanges)
         )
 
 
 def _best_so_far(exchanges: Sequence[Exchange]) -> list[Exchange]:
-    """For each place the exchange up to there that tells most of that place's time."""
+    """For each exchange the one up to it that has the smallest bound at its time."""
     best: list[Exchange] = []
     for exchange in exchanges:
-        known = best[-1] if best else exchange
+        previous = best[-1] if best else exchange
         time_us = exchange.arrival_us
-        gone = _apart_us(known, time_us) > WINDOW_US
-        best.append(
-            exchange if gone or _error_us(exchange, time_us) <= _error_us(known, time_us) else known
-        )
+        is_too_old = _distance_us(previous, time_us) > WINDOW_US
+        is_better = _error_us(exchange, time_us) <= _error_us(previous, time_us)
+        best.append(exchange if is_too_old or is_better else previous)
     return best
 
 
 def _error_us(exchange: Exchange, time_us: float) -> float:
-    return exchange.error_us + DRIFT * _apart_us(exchange, time_us)
+    return exchange.error_us + DRIFT * _distance_us(exchange, time_us)
 
 
-def _apart_us(exchange: Exchange, time_us: float) -> float:
+def _distance_us(exchange: Exchange, time_us: float) -> float:
     """How long a time is before or after an exchange, 0 during it."""
     return max(0.0, exchange.asked_us - time_us, time_us - exchange.arrival_us)

@@ -76,9 +76,10 @@ def encode_any_length(message: Message, run: str) -> bytes:
     """As ``encode``, of any length: a message that came in otherwise packed may grow."""
     layout = _LAYOUTS[type(message)]
     body = dict(zip(layout.names, (VERSION, run, *layout.values(message)), strict=True))
-    for name, default in layout.defaults.items():
-        if body[name] == default:
-            del body[name]
+    if layout.defaults:
+        for name, default in layout.defaults.items():
+            if body[name] == default:
+                del body[name]
     payload: bytes = msgpack.packb(body)
     return payload
 

@@ -1,15 +1,17 @@
-"""What a link is, and the one that stays in memory.
+"""What a connection is, and the kind that stays in memory.
 
-A link carries ``(key, payload)`` pairs between parties that know nothing else of each other. The
-shells of robot and world are written against ``Connection`` and run unchanged over either kind.
+A connection carries ``(key, payload)`` pairs between nodes that know nothing else of each other.
+The shells of robot and world are written against ``Connection`` and run unchanged over either kind.
 """
 
 import queue
 from collections.abc import Callable, Iterable
 from fnmatch import fnmatchcase
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from encircle.protocol.errors import ConnectionClosed
+
+Handler: TypeAlias = Callable[[str, bytes], None]
 
 QUEUE_MAX = 65_536
 
@@ -20,48 +22,50 @@ class Connection(Protocol):
     def send(self, key: str, payload: bytes) -> None:
         """Hand a message over; may block for a bounded time.
 
-        What finds no room on its way may be lost, but not a ``setup`` or ``end``, nor what is sent
-        once more, unchanged: so whoever waits for an answer in vain says the same again.
+        A message that finds no room in a queue may be lost, except a ``setup``, an ``end``, and a
+        message that is sent a second time, unchanged. So a node that waits for an answer in vain
+        sends the same message again.
         """
 
     def receive(self) -> tuple[str, bytes]:
-        """Wait for the next message; raises ``ConnectionClosed`` once the link is closed."""
+        """Wait for the next message; raises ``ConnectionClosed`` once this is closed."""
 
-    def subscribe(self, expression: str, tell: Callable[[str, bytes], None]) -> Callable[[], None]:
-        """Also call ``tell(key, payload)`` from another thread for messages of others.
+    def subscribe(self, expression: str, handler: Handler) -> Callable[[], None]:
+        """Also call ``handler(key, payload)`` from another thread for messages of other nodes.
 
-        ``expression``: a key in which ``*`` stands for any part. Calling what is returned ends it.
+        ``expression``: a key in which ``*`` stands for any part. The function that is returned ends
+        the subscription.
         """
 
     def drop_when_congested(self) -> None:
-        """From now on drop rather than wait, what is sent again as well, but no setup or end."""
+        """From now on drop messages rather than wait, repeated ones too, but no setup or end."""
 
     def close(self) -> None:
-        """Close the link and wake whoever waits in ``receive``. May be called twice."""
+        """Close the connection and wake the thread in ``receive``. May be called twice."""
 
 
 class MemoryHub:
-    """Joins memory links: what one sends reaches every other that takes its key."""
+    """Joins connections in memory: a message reaches every other one that takes its key."""
 
     def __init__(self) -> None:
         self._connections: list[MemoryConnection] = []
 
     def connection(self, prefixes: Iterable[str]) -> "MemoryConnection":
-        """A new link that takes every key starting with one of ``prefixes``."""
+        """A new connection that takes every key starting with one of ``prefixes``."""
         connection = MemoryConnection(self, tuple(prefixes))
         self._connections.append(connection)
         return connection
 
     def deliver(self, sender: "MemoryConnection", key: str, payload: bytes) -> None:
-        """Put a message into the queue of each link that takes it, but its sender's."""
+        """Put a message into the queue of each connection that takes it, but its sender's."""
         for connection in self._connections:
             if connection is sender or connection.closed:
                 continue
             if key.startswith(connection.prefixes):
                 connection.inbox.put((key, payload), timeout=10.0)
-            for expression, tell in list(connection.subscriptions.values()):
+            for expression, handler in list(connection.subscriptions.values()):
                 if fnmatchcase(key, expression):
-                    tell(key, payload)
+                    handler(key, payload)
 
 
 class MemoryConnection:
@@ -72,12 +76,12 @@ class MemoryConnection:
         self.closed = False
         self.prefixes = prefixes
         self.inbox: queue.Queue[tuple[str, bytes] | None] = queue.Queue(QUEUE_MAX)
-        self.subscriptions: dict[object, tuple[str, Callable[[str, bytes], None]]] = {}
+        self.subscriptions: dict[object, tuple[str, Handler]] = {}
 
     def send(self, key: str, payload: bytes) -> None:
-        """Deliver at once to every other link that takes the key."""
+        """Deliver at once to every other connection that takes the key."""
         if self.closed:
-            raise ConnectionClosed("this link is closed")
+            raise ConnectionClosed("this connection is closed")
         self._hub.deliver(self, key, payload)
 
     def receive(self) -> tuple[str, bytes]:
@@ -85,16 +89,16 @@ class MemoryConnection:
         item = self.inbox.get()
         if item is None:
             self.inbox.put(None)
-            raise ConnectionClosed("this link is closed")
+            raise ConnectionClosed("this connection is closed")
         return item
 
-    def subscribe(self, expression: str, tell: Callable[[str, bytes], None]) -> Callable[[], None]:
-        """Have ``tell`` called for what others send on such keys; the sender's thread calls it."""
-        listener = object()
-        self.subscriptions[listener] = expression, tell
+    def subscribe(self, expression: str, handler: Handler) -> Callable[[], None]:
+        """Have ``handler`` called by the sender's thread for messages on such keys."""
+        subscription = object()
+        self.subscriptions[subscription] = expression, handler
 
         def end() -> None:
-            self.subscriptions.pop(listener, None)
+            self.subscriptions.pop(subscription, None)
 
         return end
 

@@ -1,7 +1,7 @@
-"""What can go wrong with something that arrived from elsewhere.
+"""What can be wrong with a message that another node sent.
 
-Remote input raises one of these; the shell that received it counts it under ``cause``, logs it with
-its key and goes on. Our own misuse of the protocol raises ``AssertionError`` instead.
+Remote input raises one of these errors; the shell that received it counts it under ``cause``, logs
+it with its key and goes on. Our own misuse of the protocol raises ``AssertionError`` instead.
 """
 
 
@@ -12,7 +12,7 @@ class ProtocolError(Exception):
 
 
 class MalformedMessage(ProtocolError):
-    """Not msgpack, not a map, a field missing, unknown, of a wrong type or not finite."""
+    """Not msgpack, not a map, or a field is missing, unknown, twice there or beyond its limits."""
 
     cause = "malformed"
 
@@ -54,4 +54,4 @@ class OutOfTurn(ProtocolError):
 
 
 class ConnectionClosed(Exception):
-    """The link was closed while somebody waited on it; not an error of the peer."""
+    """The connection was closed while a thread waited on it; not an error of the peer."""

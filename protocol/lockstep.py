@@ -1,10 +1,10 @@
-"""The lock-step table: who may say what, and when a round is complete. Sans I/O.
+"""The lock-step table: which messages are legal when, and when a round is complete. Sans I/O.
 
-The world asks every robot (an observation), and each answers with exactly one pose and one command
-for that tick, in either order, or with a command alone that says that no pose comes. The legal
-moves of one robot are the table below; whatever else arrives is out of turn. A round is complete
-when no robot is asked or half-answered any more. A robot that has left is not asked, and owes
-nothing, until it joins again.
+The world asks every robot by sending an observation. Each robot answers with exactly one pose and
+one command for that tick, in either order, or with a command alone which says that no pose comes.
+``TABLE`` holds the legal moves of one robot; any other move is out of turn. A round is complete
+when no answer is missing, in whole or in part. A robot that has left is not asked, and no answer of
+it is waited for, until it joins again.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,8 @@
-"""Messages with the times at which they came: between threads that receive and one that acts.
+"""Messages with their arrival times, from the threads that receive to the one that acts.
 
-What came when has to be known also while the party is busy with something else, so whoever receives
-puts a stamp on it and hands it over. The queue is bounded; what finds no room is dropped, counted.
+The arrival time of a message has to be known also while the node is busy with something else. So
+the thread that receives it notes the time and puts both into a queue. The queue is bounded; a
+message that finds no room is dropped and counted.
 """
 
 import queue
@@ -14,21 +15,21 @@ TAKEN_MAX = 1024
 
 
 def now_us() -> int:
-    """What the clock of this machine shows: Unix time in us."""
+    """The time by the clock of this machine: Unix time in us."""
     return time.time_ns() // 1000
 
 
 class Mailbox:
-    """Messages with their times of arrival, from the threads that receive to the one that acts."""
+    """A bounded queue of messages with their arrival times; ``dropped`` counts the others."""
 
     def __init__(self) -> None:
         self._mail: queue.SimpleQueue[tuple[int, str, bytes] | None] = queue.SimpleQueue()
         self.dropped = 0
 
     def put(self, key: str, payload: bytes, keep: bool = False) -> None:
-        """Take a message in that comes now; it is dropped, and counted, if there is no room.
+        """Put a message in that arrives now; it is dropped and counted if there is no room.
 
-        ``keep``: not even then. It is for the caller to bound the number of these.
+        With ``keep`` it is put in all the same; the caller bounds the number of such messages.
         """
         if self._mail.qsize() >= MAIL_MAX and not keep:
             self.dropped += 1
@@ -36,15 +37,14 @@ class Mailbox:
             self._mail.put((now_us(), key, payload))
 
     def close(self) -> None:
-        """Nothing comes any more."""
+        """Let ``take`` raise ``ConnectionClosed`` after the messages that are there."""
         self._mail.put(None)
 
     def take(self, wait_s: float) -> list[tuple[int, str, bytes]]:
-        """What is there, waiting for the first; empty after ``wait_s``.
+        """The messages that are there, as ``(arrival_us, key, payload)``.
 
-        May raise ``ConnectionClosed``.
-
-        At most ``TAKEN_MAX`` at once, and an ``end`` is the last of them.
+        Waits up to ``wait_s`` for the first one. Returns at most ``TAKEN_MAX`` messages, and none
+        after an ``end``. Raises ``ConnectionClosed`` if it is closed and empty.
         """
         messages: list[tuple[int, str, bytes]] = []
         try:
@@ -57,6 +57,6 @@ class Mailbox:
         except queue.Empty:
             return messages
         if not messages:
-            raise ConnectionClosed("this link is closed")
+            raise ConnectionClosed("this connection is closed")
         self._mail.put(None)
         return messages

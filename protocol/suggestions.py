@@ -1,4 +1,4 @@
-"""The known name that comes nearest to one that is not known, for messages that refuse it."""
+"""Known names that are similar to an unknown one, for messages that refuse it."""
 
 from collections.abc import Iterable
 
@@ -7,8 +7,8 @@ NAMED_MAX = 3
 
 
 def did_you_mean(name: object, known: Iterable[str], likeness_min: float = LIKENESS_MIN) -> str:
-    """`` (did you mean 'flee'?)``, or nothing if no known name is like it."""
-    # Only who has made a mistake waits for it.
+    """`` (did you mean 'flee'?)``, or nothing if no known name is similar."""
+    # Imported late: it is needed only where a name is refused.
     from difflib import get_close_matches
 
     matches = get_close_matches(str(name), list(known), 1, likeness_min)
@@ -16,6 +16,6 @@ def did_you_mean(name: object, known: Iterable[str], likeness_min: float = LIKEN
 
 
 def suggestion(names: Iterable[str]) -> str:
-    """Names, a few at most, as what was perhaps meant; empty if there are none."""
+    """The first few names, as a question whether one was meant; empty if there are none."""
     matches = list(dict.fromkeys(names))[:NAMED_MAX]
     return f" (did you mean {' or '.join(map(repr, matches))}?)" if matches else ""

@@ -1,14 +1,16 @@
 """How a kind of message lies on the wire: its fields in their order, with checks and defaults."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 from encircle.protocol.wire.checks import Check
 from encircle.protocol.wire.declaration import declared_fields
 
 
-class Layout(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Layout:
     """What the codec needs to know of a kind of message.
 
     ``names``: ``v`` and ``run``, then the fields. ``always``: the beginning of ``names`` that no
