@@ -24,7 +24,7 @@ from encircle.protocol.errors import (
 from encircle.protocol.keys import parse_key, robot_key
 from encircle.protocol.messages import Command, CommandMode, End, Observation, Pose, Setup
 from encircle.protocol.parameters import BODIES, Parameters
-from encircle.protocol.plugins import STRATEGIES, PluginFailed, PluginLoadError
+from encircle.protocol.plugins import STRATEGIES, PluginFailed, PluginLoadError, UnknownPlugin
 
 
 class RobotCore:
@@ -136,6 +136,8 @@ class RobotCore:
         """The policy of a setup, or why it cannot be loaded; ``ValueError`` if it is unknown."""
         try:
             return policy_named(setup.strategy), None
+        except UnknownPlugin as error:
+            raise ValueError(f"strategy = {setup.strategy!r}: {error}") from None
         except PluginLoadError as error:
             failed = PluginFailed(STRATEGIES, setup.strategy, self.robot, setup.first_tick, error)
             return _no_policy, failed

@@ -1,7 +1,7 @@
-"""What a strategy may answer: checked as it comes, for strategies are other people's code.
+"""What a policy may answer: checked at once, since policies are other people's code.
 
-A step that is not finite, or a value that has no place in a message, would come to light elsewhere
-and later, where nothing tells who is to blame.
+A step that is not finite, or a value that no message can hold, would otherwise fail later and
+elsewhere, where nothing shows which policy it came from.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, TEXT_MAX
 
 
 def validated(decision: Any) -> Decision:
-    """The choice, its numbers as plain ones; ``InvalidPluginResult`` if it is none."""
+    """The decision, its numbers as plain ones; ``InvalidPluginResult`` if it is not one."""
     if not isinstance(decision, Decision):
         raise InvalidPluginResult(
             f"{shown(decision)}: must be a Decision (encircle.agents.policies.policies)"
@@ -22,7 +22,7 @@ def validated(decision: Any) -> Decision:
     _check_text("mode", mode)
     if mode in tuple(CommandMode):
         raise InvalidPluginResult(
-            f"mode = {mode!r}: is kept for commands that no strategy has chosen"
+            f"mode = {mode!r}: is kept for commands that no policy has decided on"
         )
     if predictor is not None:
         _check_text("predictor", predictor)
@@ -31,15 +31,15 @@ def validated(decision: Any) -> Decision:
 
 
 def _check_text(name: str, value: Any) -> None:
-    if type(value) is str and len(value) <= TEXT_MAX and (value.isascii() or _is_sound(value)):
+    if type(value) is str and len(value) <= TEXT_MAX and (value.isascii() or _is_encodable(value)):
         return
     raise InvalidPluginResult(
         f"{name} = {shown(value)}: must be text of at most {TEXT_MAX} characters"
     )
 
 
-def _is_sound(text: str) -> bool:
-    """Whether there is no half of a character in it, which cannot be sent."""
+def _is_encodable(text: str) -> bool:
+    """Whether it can be encoded: half of a surrogate pair cannot be."""
     return text.encode(errors="replace").decode() == text
 
 

@@ -1,9 +1,9 @@
-"""Strategies: from a robot's view of the hunt to where it wants to step.
+"""Policies: from a robot's view of the hunt to where it wants to step.
 
-A strategy is any callable with the signature of ``Policy``. Those of other packages are found by
-entry point, group ``encircle.strategies``; the name there is the name in a scenario. Strategies are
-pure: same view, same choice. The brain shortens the step to what the robot can do and keeps it from
-collisions.
+A policy is any callable with the signature of ``Policy``. Those of other packages are found by
+entry point, group ``encircle.strategies``; the name there is the name in a scenario
+(``team.strategy``). Policies are pure: same view, same decision. The brain shortens the step to
+what the robot can do and keeps it from collisions.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,16 +20,17 @@ from encircle.agents.planning.ring import encirclement_points
 from encircle.agents.planning.shrink import deviation, encloses, sides
 from encircle.protocol.messages import Point
 from encircle.protocol.parameters import Parameters
-from encircle.protocol.plugins import STRATEGIES, installed
+from encircle.protocol.plugins import STRATEGIES, Registry
 
 
 class View(NamedTuple):
-    """What a strategy decides on: one robot's own, possibly stale, view.
+    """What a policy decides on: one robot's own, possibly stale, view.
 
-    ``positions``: of the team's N members in m, robot order; ``own``: this robot's place among
-    them; ``target``: the estimated target position in m; ``predict``: from a tuple of G prediction
-    steps to predicted target positions (G, 2) in m, and what predicted them; ``previous_goal``: the
-    encirclement point this robot headed for at the previous tick, in m, None if for none.
+    ``positions``: of the team's N members in m, robot order; ``own``: which of them is this robot,
+    from 0; ``target``: the estimated target position in m; ``predict``: from a tuple of G
+    prediction steps to predicted target positions (G, 2) in m, and what predicted them;
+    ``previous_goal``: the encirclement point this robot headed for at the previous tick, in m, None
+    if for none.
     """
 
     own: int
@@ -41,7 +42,7 @@ class View(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """What a strategy wants: a step in m, and the reasons, for peers and for the record."""
+    """What a policy wants: a step in m, and the reasons, for peers and for the record."""
 
     mode: str
     step: Point
@@ -52,10 +53,10 @@ class Decision(NamedTuple):
 
 
 class Policy(Protocol):
-    """From a view to a choice, without memory and without side effects."""
+    """From a view to a decision, without memory and without side effects."""
 
     def __call__(self, view: View) -> Decision:
-        """Choose."""
+        """Decide on the next step."""
 
 
 def encircle_or_shrink(view: View, xi_grid: tuple[float, ...] | None = None) -> Decision:
@@ -142,7 +143,6 @@ def _close_in(view: View, deviation_rad: float) -> Point:
 xi_0 = partial(encircle_or_shrink, xi_grid=(0.0,))
 xi_1 = partial(encircle_or_shrink, xi_grid=(1.0,))
 xi_3 = partial(encircle_or_shrink, xi_grid=(3.0,))
-# Also declared as entry points; looking those up costs a robot's start 20 ms that it need not pay.
 BUILT_IN: dict[str, Policy] = {
     "xi-star": encircle_or_shrink,
     "xi-0": xi_0,
@@ -150,19 +150,11 @@ BUILT_IN: dict[str, Policy] = {
     "xi-3": xi_3,
     "pursuit": pursue,
 }
+REGISTRY = Registry(STRATEGIES, BUILT_IN)
 
 
 @lru_cache(maxsize=64)
 def policy_named(name: str) -> Policy:
-    """The strategy of that name; ``ValueError`` lists the known ones.
-
-    ``PluginLoadError`` if it is installed but cannot be loaded.
-    """
-    if name in BUILT_IN:
-        return BUILT_IN[name]
-    plugins = installed(STRATEGIES)
-    if name not in plugins:
-        known = ", ".join(sorted({*BUILT_IN, *plugins}))
-        raise ValueError(f"strategy {name!r} is not known; known are: {known}")
-    strategy: Policy = plugins[name].load()
-    return strategy
+    """The policy of that name; errors as of ``Registry.named``."""
+    policy: Policy = REGISTRY.named(name)
+    return policy

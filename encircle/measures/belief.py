@@ -13,6 +13,7 @@ from scipy.special import gammaincinv
 
 from encircle.measures.common import (
     cached_per_log,
+    in_unit,
     links,
     links_there,
     mean_or_nan,
@@ -37,21 +38,25 @@ def peer_errors_m(log: RunLog) -> Floats:
     return np.asarray(errors[links_there(log) & ~np.isnan(errors)])
 
 
+@in_unit("m")
 def peer_error_m_mean(log: RunLog) -> float:
     """Error of believed peer positions, mean over robots, their peers and ticks."""
     return mean_or_nan(peer_errors_m(log))
 
 
+@in_unit("m")
 def peer_error_m_p95(log: RunLog) -> float:
     """Error of believed peer positions, 95th percentile."""
     return percentile_or_nan(peer_errors_m(log), 95.0)
 
 
+@in_unit("m")
 def peer_error_m_rms(log: RunLog) -> float:
     """Error of believed peer positions, root mean square."""
     return rms_or_nan(peer_errors_m(log))
 
 
+@in_unit("1")
 def peer_missing_share(log: RunLog) -> float:
     """The share of peers, over robots and ticks, that a robot leaves out of its team."""
     possible = int(links_there(log).sum())
@@ -64,6 +69,7 @@ def _errors(log: RunLog) -> Floats:
     return np.asarray(log.estimates[..., :2] - log.target[: log.ticks, None])
 
 
+@in_unit("m")
 def target_error_m_rms(log: RunLog) -> float:
     """Error of the estimated target position, root mean square over robots and ticks."""
     off = _errors(log)
@@ -71,6 +77,7 @@ def target_error_m_rms(log: RunLog) -> float:
     return float(np.sqrt(mean_or_nan(squares[~np.isnan(squares)])))
 
 
+@in_unit("1")
 def estimate_missing_share(log: RunLog) -> float:
     """The share of robots and ticks without an estimate of the target."""
     return mean_or_nan(np.isnan(log.estimates[..., 0])[log.there])
@@ -104,11 +111,13 @@ def nees(log: RunLog) -> Floats:
     return np.asarray(squares[defined] / determinant[defined])
 
 
+@in_unit("1")
 def nees_mean(log: RunLog) -> float:
     """Normalised estimation error squared, mean over robots and ticks; 4 if consistent."""
     return mean_or_nan(nees(log))
 
 
+@in_unit("1")
 def nees_in_band_share(log: RunLog) -> float:
     """The share of robots and ticks with it in the 95 % band; 0.95 if consistent."""
     low, high = NEES_BAND

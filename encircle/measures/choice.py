@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from encircle.agents.planning.assignment import whole_quanta
-from encircle.measures.common import cached_per_log, mean_or_nan, pairs
+from encircle.measures.common import cached_per_log, in_unit, mean_or_nan, pairs
 from encircle.runlog.runlog import Floats, RunLog
 
 
@@ -46,11 +46,13 @@ def conflicts(log: RunLog) -> NDArray[np.int64]:
     return np.asarray(shared.sum(axis=1)[several(log)])
 
 
+@in_unit("1")
 def conflict_share(log: RunLog) -> float:
     """The share of ticks with two or more encircling at which two hold one point."""
     return mean_or_nan(conflicts(log) > 0)
 
 
+@in_unit("1")
 def conflict_pairs_mean(log: RunLog) -> float:
     """Pairs that hold one point, mean over ticks with two or more encircling."""
     return mean_or_nan(conflicts(log))
@@ -72,11 +74,13 @@ def switched(log: RunLog) -> NDArray[np.bool_]:
     return np.asarray(jumped[encircling(log)[1:] & encircling(log)[:-1]])
 
 
+@in_unit("1")
 def switches(log: RunLog) -> float:
     """Changes of point, summed over robots and ticks."""
     return float(switched(log).sum())
 
 
+@in_unit("1")
 def switch_share(log: RunLog) -> float:
     """The share of changes among all chances: a robot encircling at two ticks in a row."""
     return mean_or_nan(switched(log))
@@ -92,11 +96,13 @@ def xi_spreads(log: RunLog) -> Floats:
     return np.asarray(high - np.where(choosing, xi, np.inf).min(axis=1))
 
 
+@in_unit("1")
 def xi_disagreement_share(log: RunLog) -> float:
     """The share of ticks with two or more encircling at which not all have the same xi."""
     return mean_or_nan(xi_spreads(log) > 0.0)
 
 
+@in_unit("tick")
 def xi_spread_ticks_mean(log: RunLog) -> float:
     """Largest less smallest xi, mean over ticks with two or more encircling."""
     return mean_or_nan(xi_spreads(log))
@@ -156,11 +162,13 @@ def _distances(places: Floats, ring: Floats) -> Floats:
     return np.hypot(away[..., 0], away[..., 1])
 
 
+@in_unit("m")
 def regret_m_mean(log: RunLog) -> float:
     """Regret, mean over ticks at which all robots encircle."""
     return mean_or_nan(regrets_m(log))
 
 
+@in_unit("1")
 def regret_defined_share(log: RunLog) -> float:
     """The share of ticks at which all robots encircle, and so regret is defined."""
     return mean_or_nan(np.asarray(encircling(log).all(axis=1)))

@@ -1,4 +1,4 @@
-"""What the modules of measures share: means that may be undefined, pairs, and work done once.
+"""What the modules of measures share: units, means that may be undefined, pairs, caching.
 
 A mean over nothing is NaN: an average over ticks of a kind that did not occur says nothing, and
 must not look like a zero.
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from encircle.runlog.runlog import NAN, Floats, Integers, RunLog
 
 A = TypeVar("A")
+Measuring = TypeVar("Measuring", bound=Callable[[RunLog], float])
 
 
 def cached_per_log(function: Callable[[RunLog], A]) -> Callable[[RunLog], A]:
@@ -28,6 +29,16 @@ def cached_per_log(function: Callable[[RunLog], A]) -> Callable[[RunLog], A]:
         return cached
 
     return from_cache
+
+
+def in_unit(unit: str) -> Callable[[Measuring], Measuring]:
+    """Declare the unit of a measure's number, 1 for none."""
+
+    def declared(function: Measuring) -> Measuring:
+        function.unit = unit  # type: ignore[attr-defined]
+        return function
+
+    return declared
 
 
 def mean_or_nan(values: Floats | Integers | NDArray[np.bool_]) -> float:

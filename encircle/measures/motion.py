@@ -9,21 +9,24 @@ without passing between two of them.
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.measures.common import cached_per_log, mean_or_nan, pairs
+from encircle.measures.common import cached_per_log, in_unit, mean_or_nan, pairs
 from encircle.runlog.runlog import NAN, Floats, RunLog
 from encircle.world.arena.capture import encloses
 
 
+@in_unit("1")
 def captured(log: RunLog) -> float:
     """1 if the target was captured, else 0."""
     return float(log.captured)
 
 
+@in_unit("tick")
 def capture_tick(log: RunLog) -> float:
     """The tick of the capture, at which a run ends."""
     return float(log.ticks) if log.captured else NAN
 
 
+@in_unit("s")
 def capture_s(log: RunLog) -> float:
     """The time of the capture."""
     return capture_tick(log) * log.scenario.tick_s
@@ -62,6 +65,7 @@ def enclosed(log: RunLog) -> NDArray[np.bool_]:
 
 
 @cached_per_log
+@in_unit("tick")
 def ring_tick(log: RunLog) -> float:
     """The first tick with a ring: target enclosed, all robots within k1 rho of it (Sec. II-C)."""
     reach_m = log.parameters.near_factor * log.parameters.ring_radius_m
@@ -71,23 +75,27 @@ def ring_tick(log: RunLog) -> float:
     return float(formed.argmax()) if formed.any() else NAN
 
 
+@in_unit("s")
 def ring_s(log: RunLog) -> float:
     """The time at which there is a ring first."""
     return ring_tick(log) * log.scenario.tick_s
 
 
+@in_unit("m")
 def path_m_mean(log: RunLog) -> float:
     """Length of a robot's path, mean over robots."""
     return path_m_total(log) / log.count
 
 
 @cached_per_log
+@in_unit("m")
 def path_m_total(log: RunLog) -> float:
     """Length of all robots' paths together."""
     moved = np.diff(log.robots, axis=0)
     return float(np.hypot(moved[..., 0], moved[..., 1]).sum())
 
 
+@in_unit("m^2/s")
 def effort_m2ps_mean(log: RunLog) -> float:
     """Integral of the squared commanded speed over time, mean over robots."""
     return float((log.steps * log.steps).sum()) / log.scenario.tick_s / log.count
@@ -101,11 +109,13 @@ def separations_m(log: RunLog) -> Floats:
     return np.hypot(away[..., 0], away[..., 1]) - 2.0 * log.scenario.team.radius_m
 
 
+@in_unit("m")
 def separation_robots_m_min(log: RunLog) -> float:
     """The least free distance between two robots."""
     return float(separations_m(log).min(initial=np.inf)) if log.count > 1 else NAN
 
 
+@in_unit("m")
 def separation_m_min(log: RunLog) -> float:
     """The least free distance between any two bodies of which one moves."""
     scenario = log.scenario
@@ -120,27 +130,32 @@ def separation_m_min(log: RunLog) -> float:
     return float(min(least))
 
 
+@in_unit("1")
 def contacts(log: RunLog) -> float:
     """Pairs of bodies that touched, summed over ticks."""
     return float(len(log.contacts))
 
 
+@in_unit("1")
 def collisions(log: RunLog) -> float:
     """Contacts of a robot with a robot or an obstacle, summed over ticks."""
     body, other = log.contacts[:, 1], log.contacts[:, 2]
     return float(((body < log.count) & (other != log.count)).sum())
 
 
+@in_unit("rad")
 def gap_rad_mean(log: RunLog) -> float:
     """The largest angular gap, mean over ticks."""
     return mean_or_nan(gaps_rad(log))
 
 
+@in_unit("rad")
 def gap_rad_final(log: RunLog) -> float:
     """The largest angular gap at the last tick."""
     return float(gaps_rad(log)[-1])
 
 
+@in_unit("1")
 def enclosed_share(log: RunLog) -> float:
     """The share of ticks at which the target is enclosed."""
     return mean_or_nan(enclosed(log))

@@ -12,6 +12,7 @@ import numpy as np
 
 from encircle.measures.common import (
     cached_per_log,
+    in_unit,
     links,
     links_there,
     mean_or_nan,
@@ -46,21 +47,25 @@ def _ages_there(log: RunLog) -> Integers:
     return ages_ticks(log)[links_there(log)]
 
 
+@in_unit("tick")
 def age_ticks_mean(log: RunLog) -> float:
     """Age of information, mean over links and ticks."""
     return mean_or_nan(_ages_there(log))
 
 
+@in_unit("tick")
 def age_ticks_p95(log: RunLog) -> float:
     """Age of information, 95th percentile over links and ticks."""
     return percentile_or_nan(_ages_there(log), 95.0)
 
 
+@in_unit("tick")
 def age_ticks_max(log: RunLog) -> float:
     """Age of information, highest over links and ticks."""
     return float(_ages_there(log).max()) if _ages_there(log).size else NAN
 
 
+@in_unit("tick")
 def age_ticks_mean_worst(log: RunLog) -> float:
     """Age of information of the link with the highest mean over ticks."""
     there = links_there(log)
@@ -69,6 +74,7 @@ def age_ticks_mean_worst(log: RunLog) -> float:
     return float((totals[ticks > 0] / ticks[ticks > 0]).max()) if ticks.any() else NAN
 
 
+@in_unit("1")
 def unheard_share(log: RunLog) -> float:
     """The share of links and ticks before the first delivery, not counting tick 0."""
     return mean_or_nan((_newest_ticks(log) < 0)[1:][links_there(log)[1:]])
@@ -84,37 +90,44 @@ def delays_ticks(log: RunLog) -> Integers:
     return np.asarray(first[sent, sender, receiver] - sent)
 
 
+@in_unit("1")
 def delivery_ratio(log: RunLog) -> float:
     """Packets that the radio delivers over packets sent; one packet per pose and directed link."""
     sent = int(np.count_nonzero(log.due))
     return len(delays_ticks(log)) / sent if sent else NAN
 
 
+@in_unit("tick")
 def delay_ticks_mean(log: RunLog) -> float:
     """Delay of the packets that the radio delivers, mean over packets."""
     return mean_or_nan(delays_ticks(log))
 
 
+@in_unit("s")
 def delay_s_mean(log: RunLog) -> float:
     """Delay of the packets that the radio delivers in seconds, mean over packets."""
     return delay_ticks_mean(log) * log.scenario.tick_s
 
 
+@in_unit("1")
 def messages_sent(log: RunLog) -> float:
     """Poses that robots published, each counted once however many receive it."""
     return float(np.count_nonzero(log.sizes_bytes))
 
 
+@in_unit("Hz")
 def messages_hz_mean(log: RunLog) -> float:
     """Poses published per second, mean over robots."""
     return messages_sent(log) / _duration_s(log) / log.count if log.ticks else NAN
 
 
+@in_unit("B")
 def sent_bytes(log: RunLog) -> float:
     """Bytes of the poses that robots published."""
     return float(log.sizes_bytes.sum())
 
 
+@in_unit("B/s")
 def sent_bytes_per_s(log: RunLog) -> float:
     """Bytes published by all robots per second."""
     return sent_bytes(log) / _duration_s(log) if log.ticks else NAN

@@ -31,7 +31,7 @@ from pydantic import (
 )
 
 from encircle.measures.registry import MEASURES
-from encircle.protocol.plugins import GROUPS, STRATEGIES, TARGETS, installed
+from encircle.protocol.plugins import GROUPS, MEASURES_GROUP, STRATEGIES, TARGETS, installed
 from encircle.protocol.process.log import printable
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import remarks_on
@@ -278,8 +278,8 @@ class Plan(_Model):
 
     @cached_property
     def plugins(self) -> tuple[tuple[str, str], ...]:
-        """Strategies and targets of other packages that some cell uses: group and name."""
-        used = set()
+        """Policies, targets and measures of other packages that are used: group and name."""
+        used = {(MEASURES_GROUP, name) for name in self.columns if name not in MEASURES}
         for cell in range(len(self.cells)):
             scenario = self.scenario_of(cell)
             used |= {(STRATEGIES, scenario.team.strategy), (TARGETS, scenario.target.behaviour)}

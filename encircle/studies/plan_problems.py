@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator
 from math import prod
 
-from encircle.measures.registry import MEASURES
+from encircle.measures.registry import MEASURES, REGISTRY
 from encircle.protocol.suggestions import did_you_mean
 from encircle.studies.plan import CELLS_MAX, RESERVED, Plan
 from encircle.world.scenario.errors import ScenarioError
@@ -55,7 +55,7 @@ def lines_of(error: ScenarioError) -> list[str]:
 def _of_names(plan: Plan, left_out: Collection[str]) -> list[str]:
     problems = []
     names = [axis.name for axis in plan.all_axes]
-    taken = {*RESERVED, *MEASURES}
+    taken = {*RESERVED, *MEASURES, *plan.measures}
     problems += [f"axes: {n!r} stands twice" for n in sorted(set(names)) if names.count(n) > 1]
     problems += [
         f"axes.{k}.name = {n!r}: is a column of the table"
@@ -63,10 +63,9 @@ def _of_names(plan: Plan, left_out: Collection[str]) -> list[str]:
         if n in taken
     ]
     problems += [
-        f"measures: {name!r} is not known{did_you_mean(name, MEASURES)};"
-        f" known are: {', '.join(MEASURES)}"
+        f"measures: {name!r}: {problem}"
         for name in plan.measures
-        if name not in MEASURES
+        if (problem := REGISTRY.problem_with(name))
     ]
     if {"axes", "strategies"} & set(left_out):
         # Whether there is such an axis or level is to be seen once those are right.

@@ -15,7 +15,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from encircle.measures.registry import MEASURES
 from encircle.statistics.comparisons import (
     ROUNDING,
     Difference,
@@ -250,9 +249,8 @@ def summarise(plan: Plan, table: StudyTable) -> Summary:
     """
     seeds = pa.array(table.whole_seeds)
     cells, captured, ticks, tick_s = [], [], [], []
-    numbers = [name for name in plan.columns if name in MEASURES]
     for index in range(len(plan.cells)):
-        rows = table.read([CAPTURED, TICKS, *numbers], slice(index, index + 1))
+        rows = table.read([CAPTURED, TICKS, *plan.columns], slice(index, index + 1))
         rows = rows.filter(pc.is_in(rows["seed"], seeds))
         scenario = plan.scenario_of(index)
         flags = rows[CAPTURED].to_numpy() > 0.5
@@ -269,7 +267,7 @@ def summarise(plan: Plan, table: StudyTable) -> Summary:
                 limit_s,
                 survival(times, flags),
                 requested_delay(scenario.channel, scenario.ids),
-                {name: mean(rows[name].to_numpy()) for name in numbers if name != CAPTURED},
+                {name: mean(rows[name].to_numpy()) for name in plan.columns if name != CAPTURED},
             )
         )
         captured.append(flags)

@@ -13,7 +13,7 @@ from math import nan
 from typing import Any, NamedTuple
 
 from encircle.measures.registry import measure
-from encircle.protocol.plugins import error_line
+from encircle.protocol.plugins import PluginFailed, error_line
 from encircle.protocol.process.log import bounded_log
 from encircle.runlog.runlog import RunLog, RunLogCollector
 from encircle.runner.memory import RunEndedByPlugin, run_in_memory
@@ -69,6 +69,8 @@ def run_seed(task: Task, scenario: Scenario, seed: int, code: tuple[str, str]) -
         return row(task, collector.log(), result.digest, begun_s, code)
     except RunEndedByPlugin as error:
         return failed_row(task, seed, str(error), error.failed.trace, begun_s, code)
+    except PluginFailed as error:
+        return failed_row(task, seed, str(error), error.trace, begun_s, code)
     except Exception as error:
         # It is this run's, and no reason to lose the others.
         trace = "".join(traceback.format_exception(error))

@@ -91,7 +91,7 @@ def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options
         (["run", "nowhere"], "neither a file nor one of"),
         (["run", "sim1", "--link", "pigeon"], "pigeon"),
         (["run", "sim1", "--set", "target.speed=3"], "target.speed = 3: unknown key"),
-        (["run", "sim1", "--set", "team.strategy=guess"], "unknown strategy"),
+        (["run", "sim1", "--set", "team.strategy=guess"], "unknown policy"),
         (["run", "sim1", "--set", "nonsense"], "must be key=value"),
         (["run", "sim11"], "(did you mean 'sim1'?)"),
         (["run", "loss-delay"], "'loss-delay' is a study: encircle study loss-delay"),

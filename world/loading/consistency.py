@@ -3,8 +3,7 @@
 from math import hypot
 
 from encircle.protocol.parameters import Parameters, Problems
-from encircle.protocol.plugins import STRATEGIES, PluginLoadError, installed
-from encircle.protocol.suggestions import did_you_mean
+from encircle.protocol.plugins import STRATEGIES, PluginLoadError, Registry
 from encircle.world.loading.channel_consistency import problems_of_radio
 from encircle.world.scenario.fields import ROBOTS_MAX
 from encircle.world.scenario.model import Scenario
@@ -69,19 +68,9 @@ def _times(scenario: Scenario) -> list[str]:
 
 def _names(scenario: Scenario) -> list[str]:
     problems = []
-    strategies = installed(STRATEGIES)
-    if scenario.team.strategy not in strategies:
-        problems.append(
-            f"team.strategy = {scenario.team.strategy!r}: unknown strategy"
-            f"{did_you_mean(scenario.team.strategy, strategies)};"
-            f" known are: {', '.join(sorted(strategies))}"
-        )
-    elif not (plugin := strategies[scenario.team.strategy]).shipped:
-        # The robots would find out, but later, and each by itself.
-        try:
-            plugin.load()
-        except PluginLoadError as error:
-            problems.append(f"team.strategy = {scenario.team.strategy!r}: {error}")
+    # The robots would find out, but later, and each by itself.
+    if problem := Registry(STRATEGIES).problem_with(scenario.team.strategy):
+        problems.append(f"team.strategy = {scenario.team.strategy!r}: {problem}")
     try:
         behaviour = behaviour_named(scenario.target.behaviour)
     except (ValueError, PluginLoadError) as error:

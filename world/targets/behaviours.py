@@ -20,12 +20,11 @@ from encircle.protocol.plugins import (
     TARGETS,
     InvalidPluginResult,
     PluginFailed,
+    Registry,
     error_line,
-    installed,
     pair_of_m,
     shown,
 )
-from encircle.protocol.suggestions import did_you_mean
 from encircle.world.scenario.fields import Deviation, Position
 from encircle.world.scenario.validation import problems_in
 
@@ -133,23 +132,13 @@ BUILT_IN: dict[str, Behaviour] = {
     "patrol": patrol,
     "still": still,
 }
+REGISTRY = Registry(TARGETS, BUILT_IN)
 
 
 @lru_cache(maxsize=64)
 def behaviour_named(name: str) -> Behaviour:
-    """The behaviour of that name; ``ValueError`` lists the known ones.
-
-    ``PluginLoadError`` if it is installed but cannot be loaded.
-    """
-    if name in BUILT_IN:
-        return BUILT_IN[name]
-    plugins = installed(TARGETS)
-    if name not in plugins:
-        known = ", ".join(sorted({*BUILT_IN, *plugins}))
-        raise ValueError(
-            f"unknown behaviour{did_you_mean(name, {*BUILT_IN, *plugins})}; known are: {known}"
-        )
-    behaviour: Behaviour = plugins[name].load()
+    """The behaviour of that name; errors as of ``Registry.named``."""
+    behaviour: Behaviour = REGISTRY.named(name)
     return behaviour
 
 

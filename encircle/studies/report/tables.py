@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from encircle.measures.registry import MEASURES
+from encircle.measures.registry import measure_named
 from encircle.statistics.comparisons import Difference, holm
 from encircle.statistics.intervals import Interval
 from encircle.studies.charts.views import label, varied
@@ -163,8 +163,8 @@ def _measures_beside(summary: Summary, names: Sequence[str]) -> str:
     head = ["Measure", "Unit", *(_cell_name(plan, cell.cell) for cell in summary.cells)]
     rows = [
         (
-            f"{name}: {MEASURES[name].description}",
-            MEASURES[name].unit,
+            f"{name}: {measure_named(name).description}",
+            measure_named(name).unit,
             *(interval_text(cell.means[name], ".4g") for cell in summary.cells),
         )
         for name in names
@@ -174,7 +174,7 @@ def _measures_beside(summary: Summary, names: Sequence[str]) -> str:
 
 def _measured(summary: Summary, name: str) -> str:
     """One measure's own table, a row for each cell."""
-    plan, measure = summary.plan, MEASURES[name]
+    plan, measure = summary.plan, measure_named(name)
     unit = f" ({measure.unit})" if measure.unit != "1" else ""
     rows = [
         (*_levels(plan, cell.cell), interval_text(cell.means[name], ".4g"))

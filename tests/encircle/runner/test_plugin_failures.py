@@ -132,7 +132,7 @@ def scenario(name, **changes):
 
 def check_line(line, name, by_clock=False):
     """The line names plug-in, source, robot, tick, error, and the file of the traceback."""
-    kind = "target behaviour" if name in TARGETS else "strategy"
+    kind = "target behaviour" if name in TARGETS else "policy"
     # By the clock it may be any robot, and a tick later.
     place = "" if name in TARGETS else f" in robot {'r[123]' if by_clock else 'r1'}"
     tick = r"\d+" if by_clock else 5 if name == "tires" else 0
@@ -205,7 +205,7 @@ def test_the_command_ends_with_that_line_and_status_1(link, tmp_path):
     assert process.returncode == 1
     assert said == ""
     last = error.splitlines()[-1]
-    assert last.startswith("encircle: the run failed: strategy 'raises' (failing:raises of")
+    assert last.startswith("encircle: the run failed: policy 'raises' (failing:raises of")
     assert last.endswith("traceback in out/traceback-r1.txt")
     assert "Traceback" not in error
 
@@ -232,7 +232,7 @@ def test_started_by_hand_the_robot_says_it_and_the_world_says_whom_to_ask(tmp_pa
     ends = started_by_hand("raises", tmp_path)
     assert [status for status, _ in ends.values()] == [1, 1, 1, 1]
     (line,) = [said for said in ends["r1"][1].splitlines() if "failed" in said]
-    assert line.startswith("robot r1: strategy 'raises'")
+    assert line.startswith("robot r1: policy 'raises'")
     check_line(line, "raises").unlink()
     assert "world: robot r1 has failed at tick 0, and says itself how" in ends["world"][1]
     assert "Traceback" not in "".join(said for _, said in ends.values())
@@ -348,7 +348,7 @@ def test_a_recording_of_a_plug_in_that_is_missing_here_says_so(tmp_path, monkeyp
     _, error = communicated(process)
     assert process.returncode == 2
     assert "cannot be understood here" in error
-    assert "target.behaviour = 'tires': unknown behaviour" in error
+    assert "target.behaviour = 'tires': unknown target behaviour" in error
 
 
 def test_a_robot_that_has_failed_says_so_whatever_it_is_asked_until_it_is_set_up_anew():

@@ -95,7 +95,7 @@ def test_the_others_go_on_and_the_failed_ones_stand_as_failed(study):
     assert not frame[frame.failed == ""].captured.isna().any()
     for row in bad.itertuples():
         assert re.match(
-            r"strategy 'moody' \(moods:moody of strangers 1\.0\) failed in robot r1 at tick \d:"
+            r"policy 'moody' \(moods:moody of strangers 1\.0\) failed in robot r1 at tick \d:"
             r" ValueError: not in the mood; traceback in ",
             row.failed,
         )

@@ -157,7 +157,7 @@ def test_a_plan_survives_its_way_to_a_worker():
         ({"axes": [{**LOSS, "name": "Loss Rate"}]}, "axes.0.name = 'Loss Rate'"),
         ({"axes": [LOSS, LOSS]}, "'loss' stands twice"),
         ({"axes": [{"name": "s", "key": "seed", "values": [1, 2]}]}, "give those"),
-        ({"measures": ["speed"]}, "measures: 'speed' is not known"),
+        ({"measures": ["speed"]}, "measures: 'speed': unknown measure"),
         ({"compare": "delay"}, "compare = 'delay': must be one of the axes loss"),
         ({"compare": "loss", "baseline": "0.7"}, "baseline = '0.7'"),
         ({"baseline": "0.5"}, "nothing is compared"),

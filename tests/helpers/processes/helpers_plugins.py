@@ -1,6 +1,7 @@
-"""Packages with strategies and targets of their own, as an installer or a work in progress."""
+"""Packages with policies, targets and measures, as an installer or a work in progress leaves them."""
 
 import importlib
+import os
 import sys
 from pathlib import Path
 
@@ -35,7 +36,7 @@ def put_there(folder, files, entries, name="strangers", version="1.0"):
 def make_importable(folder, monkeypatch):
     """Let this process, and those that it starts, find what is there; forgotten after the test."""
     monkeypatch.syspath_prepend(folder)
-    monkeypatch.setenv("PYTHONPATH", str(folder))
+    monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
     importlib.invalidate_caches()
 
 

@@ -340,10 +340,10 @@ def test_every_problem_of_a_study_is_listed_at_once():
     said = str(caught.value)
     for part in (
         "seeds = 0: must be a number from 1 to",
-        "team.strategy = 'xi-stat': unknown strategy (did you mean 'xi-star'?)",
+        "team.strategy = 'xi-stat': unknown policy (did you mean 'xi-star'?)",
         "channel.loss.rate = 1.5: must be at most 1",
         "ticks_max = 0: must be at least 1",
-        "measures: 'speed' is not known",
+        "measures: 'speed': unknown measure",
         "colour = 'red': unknown key",
         "tolerated_rate = 3: must be below 1",
         "axes.0.name = 'Bad Name': must begin with a small letter",

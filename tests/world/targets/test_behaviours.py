@@ -183,7 +183,7 @@ def test_the_built_in_behaviours_are_the_declared_entry_points(name):
 
 @pytest.mark.parametrize("name", ["sulk", "", "Flee"])
 def test_an_unknown_behaviour_is_refused_with_the_known_ones(name):
-    with pytest.raises(ValueError, match="unknown behaviour") as caught:
+    with pytest.raises(ValueError, match="unknown target behaviour") as caught:
         behaviour_named(name)
     assert all(known in str(caught.value) for known in BUILT_IN)
 
