@@ -1,4 +1,4 @@
-"""Packages with policies, targets and measures, as an installer or a work in progress leaves them."""
+"""Packages with policies, targets and measures, as installed or as a work in progress."""
 
 import importlib
 import os
