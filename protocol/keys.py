@@ -58,6 +58,11 @@ def parse_key(key: str) -> Key:
     return parsed
 
 
+def channel_of(key: str) -> str:
+    """The last part of a key, be it of the protocol or not."""
+    return key.rpartition("/")[2]
+
+
 def is_plain(key: str) -> bool:
     """Whether it is one key, and no expression that stands for many."""
     return "*" not in key

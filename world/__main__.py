@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
             settings.when_lost,
             settings.parent,
         )
-        # A program that starts this world has told its user already.
+        # A program that starts this world has shown them to its user already.
         remarks = [] if settings.parent else remarks_on(scenario)
         for line in [*([notice] if notice is not None else []), *remarks]:
             say_error(f"world: {line}")

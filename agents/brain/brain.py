@@ -1,8 +1,8 @@
 """The robot's brain: a pure function from state and observation to state and action.
 
-One step folds what was seen and heard into the peer table and the target's track, lets the strategy
-choose on this robot's own view, and keeps the choice within what the robot can do and from
-collisions. No clock, no link, no log, no random draw.
+One step takes what was sensed and received into the peer table and the target's track, lets the
+policy decide on this robot's own view, and limits the decided step to what the robot can do without
+a collision. No clock, no connection, no log, no random draw.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ from encircle.protocol.plugins import STRATEGIES, PluginFailed
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """What stays the same for one robot all through a run. ``name``: the strategy's."""
+    """What stays the same for one robot throughout a run. ``name``: the policy's."""
 
     robot: str
     team: tuple[str, ...]
@@ -39,21 +39,22 @@ class RobotConfig:
 
     @property
     def own(self) -> int:
-        """The robot's place in the team."""
+        """The robot's index in the team."""
         return indices_of(self.team)[self.robot]
 
 
 @lru_cache(maxsize=64)
 def indices_of(team_ids: tuple[str, ...]) -> dict[str, int]:
-    """Each robot's place in the team."""
+    """Each robot's index in the team."""
     return {robot: index for index, robot in enumerate(team_ids)}
 
 
 class BrainState(NamedTuple):
     """All that a robot remembers from one tick to the next.
 
-    ``goal``: the encirclement point it headed for, None if for none; ``told``: what its peers have
-    from it, None if it speaks without regard to that; ``lost``: the peers that are said to be.
+    ``goal``: the encirclement point that it headed for, None if for none; ``receiver_model``: what
+    its peers know from its packets, None if it publishes without regard to that; ``lost``: the
+    peers that the world reports as lost.
     """
 
     peers: team.PeerTable
@@ -66,7 +67,7 @@ class BrainState(NamedTuple):
 
 
 class Action(NamedTuple):
-    """What one step of the brain gives away: a packet for its peers, a command for its body.
+    """What one step of the brain gives: a pose packet for the peers and a command for the world.
 
     ``pose`` is None at a tick at which the robot publishes nothing.
     """
@@ -76,7 +77,7 @@ class Action(NamedTuple):
 
 
 def initial(config: RobotConfig, first_tick: int = 0) -> BrainState:
-    """The state of a robot that knows nothing yet, and first observes at ``first_tick``."""
+    """The state of a robot that knows nothing yet; its first observation is of ``first_tick``."""
     track = kalman.EMPTY_TRACK._replace(first_tick=first_tick)
     return BrainState((None,) * len(config.team), track, None, None)
 
@@ -87,21 +88,23 @@ def step(
     """One tick.
 
     ``packets``: the decoded inbox, in any order; senders, and origins of what they relay, are in
-    ``config.team``. Raises ``PluginFailed`` if the strategy fails.
+    ``config.team``. Raises ``PluginFailed`` if the policy fails.
     """
     indices = indices_of(config.team)
     state, missed_ticks = _skip_to(state, observation.tick, config)
     # Arrival order is never information.
     ranked = [(p.tick, indices[p.robot], p.sequence, k) for k, p in enumerate(packets)]
-    heard = [(index, packets[k]) for _, index, _, k in sorted(ranked)]
+    received = [(index, packets[k]) for _, index, _, k in sorted(ranked)]
     seen = [(indices[robot], x, y) for robot, x, y in observation.seen]
     tick, own = observation.tick, indices[config.robot]
-    peers = team.incorporate(state.peers, heard, seen, tick, config.tick_s)
-    detections_in = _detections(observation, own, heard, indices)
+    peers = team.incorporate(state.peers, received, seen, tick, config.tick_s)
+    detections_in = _detections(observation, own, received, indices)
     track = kalman.incorporate(state.track, detections_in, tick, config.tick_s, config.parameters)
     lost = state.lost
     if lost or observation.lost:
-        lost = team.update_lost(lost, [indices[robot] for robot in observation.lost], heard, tick)
+        lost = team.update_lost(
+            lost, [indices[robot] for robot in observation.lost], received, tick
+        )
     present = team.without_lost(peers, lost)
     planned_team = team.planning_team(present, own, observation.position, tick, config.parameters)
     decision, search = _decide(state, track, planned_team, observation, config)
@@ -159,19 +162,19 @@ def _skip_to(state: BrainState, tick: int, config: RobotConfig) -> tuple[BrainSt
 def _detections(
     observation: Observation,
     own: int,
-    heard: Sequence[tuple[int, Pose]],
+    received: Sequence[tuple[int, Pose]],
     indices: Mapping[str, int],
 ) -> list[Detection]:
     """Every detection that reached this robot at this tick, its own included."""
     tick = observation.tick
     collected, relaying = [], []
-    for index, packet in heard:
+    for index, packet in received:
         if packet.detection is not None and packet.tick < tick:
             collected.append((packet.tick, index, *packet.detection))
         if packet.relayed:
             relaying.append(packet)
     if relaying:
-        # Of one origin and tick the last counts: what a robot says itself, not what is said of it.
+        # Of one origin and tick the last counts: the origin's own packet, not one that relays it.
         collected = relayed_detections(relaying, tick, own, indices) + collected
     if observation.target is not None:
         collected.append((tick, own, *observation.target))
@@ -186,7 +189,7 @@ def _packet(
     config: RobotConfig,
     missed_ticks: int,
 ) -> Pose | None:
-    """What to tell the peers at this tick, None if nothing."""
+    """The pose to publish at this tick, None if there is none."""
     parameters, tick = config.parameters, observation.tick
     position, detection = observation.position, observation.target
     if not should_publish(
@@ -218,9 +221,9 @@ def _decide(
     observation: Observation,
     config: RobotConfig,
 ) -> tuple[Decision, Search | None]:
-    """The strategy's choice, or the search's, and the search if one is under way.
+    """The policy's decision, or the search's, and the search if one is under way.
 
-    ``PluginFailed`` if the strategy raises, or chooses what cannot be.
+    ``PluginFailed`` if the policy raises, or its decision is impossible.
     """
     parameters, tick = config.parameters, observation.tick
     estimate = track.estimate

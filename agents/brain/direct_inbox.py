@@ -1,12 +1,13 @@
-"""The inbox of a robot that hears its peers itself, over the real network.
+"""The inbox of a robot that receives its peers' packets directly, over the real network.
 
-A packet counts once it has arrived here and the modelled radio, if there is one, has admitted it:
-the world says in each observation which packets (by sender and sequence) its radio lets through at
-that tick. Either may come first, and a packet that the radio loses is never admitted. As with the
-modelled radio, what was sent at tick t is heard at t + 1 at the earliest.
+A packet counts once it has arrived here and the channel model, if there is one, has admitted it:
+the world says in each observation which packets (by sender and sequence) its channel lets through
+at that tick. Arrival and admission may come in either order, and a packet that the channel loses is
+never admitted. As with packets that go through the world, what was sent at tick t counts at t + 1
+at the earliest.
 
-Neither order nor time of arrival means anything: what is taken out at a tick stands in order of
-(tick, sender, sequence). All that is remembered is bounded, the oldest is forgotten first.
+Neither order nor time of arrival means anything: the packets of a tick are ordered by (tick,
+sender, sequence). All that is remembered is bounded; the oldest is forgotten first.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,7 +17,7 @@ PENDING_MAX = 4096
 
 
 class DirectInbox:
-    """What has arrived and what was admitted, by sender; ``peers`` in robot order."""
+    """The packets that have arrived, and those admitted, by sender; ``peers`` in robot order."""
 
     def __init__(self, peers: Sequence[str]) -> None:
         self._arrived: dict[str, dict[int, tuple[int, bytes]]] = {peer: {} for peer in peers}
@@ -31,7 +32,7 @@ class DirectInbox:
             del arrived[next(iter(arrived))]
 
     def admit(self, references: Iterable[tuple[str, int]] | None) -> None:
-        """The radio lets these packets through; None: all that have arrived by now."""
+        """The channel admits these packets; None: all that have arrived by now."""
         if references is None:
             self._all_admitted = True
             return
@@ -43,17 +44,17 @@ class DirectInbox:
                     del admitted[next(iter(admitted))]
 
     def take(self, tick: int) -> tuple[bytes, ...]:
-        """The packets heard at a tick, as their senders encoded them; each is taken once."""
-        heard: list[tuple[int, int, int, bytes]] = []
+        """The packets that count at a tick, as their senders encoded them; each is taken once."""
+        taken: list[tuple[int, int, int, bytes]] = []
         for index, (sender, arrived) in enumerate(self._arrived.items()):
             admitted = self._admitted[sender]
-            through = arrived if self._all_admitted else arrived.keys() & admitted.keys()
-            for sequence in list(through):
+            deliverable = arrived if self._all_admitted else arrived.keys() & admitted.keys()
+            for sequence in list(deliverable):
                 sent_tick, packet = arrived[sequence]
                 if sent_tick < tick:
-                    heard.append((sent_tick, index, sequence, packet))
+                    taken.append((sent_tick, index, sequence, packet))
                     del arrived[sequence]
                     admitted.pop(sequence, None)
-        # Until the next observation says so again.
+        # This holds for one observation only.
         self._all_admitted = False
-        return tuple([packet for *_, packet in sorted(heard)])
+        return tuple([packet for *_, packet in sorted(taken)])

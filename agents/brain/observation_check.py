@@ -1,7 +1,7 @@
-"""What an observation cannot say to a robot: what is sound by itself, but not here.
+"""Checks of an observation against the robot that receives it, its team and its run.
 
-What each field may hold is for the codec to check. This is about the robot, its team and its run.
-Where the world says that bodies are is believed.
+The codec has checked each field by itself. Positions of bodies are not checked: there is nothing to
+compare them with.
 """
 
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ def problem_of(observation: Observation, setup: Setup, config: RobotConfig) -> s
     if problem is not None:
         return problem
     farthest_m, range_m = max(observation.scan, default=0.0), config.parameters.sensing_range_m
-    # Of the range itself the nearest whole micron may be told.
+    # A scan of the range itself may have been rounded up to the next quantum.
     if farthest_m > range_m + QUANTUM_M:
         return f"scan of {farthest_m:g} m, must be at most {range_m:g} m"
     if observation.sent_us is not None:

@@ -1,8 +1,9 @@
 """The robot's rounds in real time: a thread stamps what arrives, this one answers the newest of it.
 
-Two threads, because what came and when must be known also while the robot thinks. The queue between
-them is bounded, as is every wait; when no observation comes for ``silence_ticks_max`` ticks,
-whatever else does, the robot commands a stop and says nothing more until one comes.
+There are two threads, because arrival times are to be noted also while the robot decides. The queue
+between them is bounded, as is every wait. When no observation arrives for ``silence_ticks_max``
+ticks, even if other messages do, the robot commands a stop and sends nothing more until one
+arrives.
 """
 
 import queue
@@ -14,13 +15,13 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
 from encircle.protocol.connections import Connection
 from encircle.protocol.errors import ConnectionClosed, ProtocolError
-from encircle.protocol.keys import robot_key
+from encircle.protocol.keys import channel_of, robot_key
 from encircle.protocol.mailbox import Mailbox, now_us
 from encircle.protocol.messages import Observation, PoseCarrier
 
 
 def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
-    """Whether an observation is from a world that goes by the clock; None if it is none at all."""
+    """Whether a world goes by the clock, by its observation; None if this is no observation."""
     if core.setup is None or key != robot_key(core.run, core.robot, "observation"):
         return None
     try:
@@ -32,7 +33,7 @@ def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
 
 
 def answer(core: RobotCore, connection: Connection, first: tuple[str, bytes]) -> None:
-    """Answer until the run ends or the link is closed. ``first``: the first observation."""
+    """Answer until the run ends or the connection is closed. ``first``: the first observation."""
     connection.drop_when_congested()
     robot = RealTimeRobotCore(core)
     mail = Mailbox()
@@ -51,7 +52,7 @@ def answer(core: RobotCore, connection: Connection, first: tuple[str, bytes]) ->
             arrivals = mail.take(stop_s - time.monotonic())
             for time_us, key, payload in arrivals:
                 robot.take(time_us, key, payload)
-                if key.endswith("/end"):
+                if channel_of(key) == "end":
                     continues.put(core.ended is None)
             dropped, mail.dropped = mail.dropped, 0
             robot.count_dropped(dropped)
@@ -69,12 +70,12 @@ def answer(core: RobotCore, connection: Connection, first: tuple[str, bytes]) ->
 
 
 def _read(connection: Connection, mail: Mailbox, continues: "queue.SimpleQueue[bool]") -> None:
-    """Stamp what comes, until the run has ended: what comes then is for the next one."""
+    """Stamp what arrives, until the run has ended: what arrives then is for the next run."""
     try:
         while True:
             key, payload = connection.receive()
-            ends = key.endswith("/end")
-            # Of these there is one at a time, and who drops it would wait for ever.
+            ends = channel_of(key) == "end"
+            # There is one such message; a robot that dropped it would wait for ever.
             mail.put(key, payload, keep=ends)
             if ends and not continues.get():
                 return

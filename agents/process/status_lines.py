@@ -1,4 +1,4 @@
-"""What a robot that somebody started by hand says of itself: each change, and a tick a second."""
+"""The status lines of a robot that was started by hand: each change, and a tick a second."""
 
 import time
 from collections.abc import Callable
@@ -9,7 +9,7 @@ PERIOD_S = 1.0
 
 
 class StatusLog:
-    """Says what has become of a robot since the last look; ``say`` takes a line."""
+    """Reports what has changed about a robot since the last update; ``say`` takes a line."""
 
     def __init__(
         self, say: Callable[[str], None], clock_s: Callable[[], float] = time.monotonic

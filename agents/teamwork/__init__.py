@@ -1,1 +1,1 @@
-"""What a robot knows of its peers, and when it tells them something."""
+"""What a robot knows of its peers, and when it publishes to them."""

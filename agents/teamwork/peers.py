@@ -1,11 +1,11 @@
 """The peer table: what one robot believes of where the others are, and how old that is.
 
 An entry is the newest thing known of a peer: its own pose packet, or having been seen by this
-robot's sensors. Late packets never overwrite newer knowledge. Which peers make up the team that is
-planned for, and where stale ones are taken to be, is the staleness policy of ``Parameters``: a peer
-is held where it was, or moved on by its velocity for as long as that is trusted, and in the end
-left out. A peer that the world says is lost is left out at once, though its body may still be seen,
-until it is no longer said to be, or has spoken since.
+robot's sensors. Late packets never overwrite newer knowledge. ``Parameters`` decide which peers
+are in the planning team, and where peers with old positions are assumed to be: a peer stays where
+it was, or moves on by its velocity for as long as that is trusted, and is left out in the end. A
+peer that the world reports as lost is left out at once, though its body may still be seen, until it
+is no longer reported or has sent a packet since.
 """
 
 from collections.abc import Sequence
@@ -20,13 +20,13 @@ Peer: TypeAlias = tuple[int, float, float, float, float]
 PeerTable: TypeAlias = tuple[Peer | None, ...]
 
 Lost: TypeAlias = tuple[tuple[int, int, bool], ...]
-"""The peers said to be lost: ``(index, tick at which that was said first, spoken since)``."""
+"""The peers reported lost: ``(index, tick of the first report, has sent a packet since)``."""
 
 
 class Team(NamedTuple):
     """The team as one robot plans it, in robot order and including itself.
 
-    ``members``: indices into the whole team; ``own``: this robot's place among them;
+    ``members``: indices into the whole team; ``own``: this robot's index among them;
     ``positions``: theirs, in m.
     """
 
@@ -42,7 +42,7 @@ def incorporate(
     tick: int,
     tick_s: float,
 ) -> PeerTable:
-    """The table after hearing packets ``(index, pose)`` and seeing ``(index, x, y)``."""
+    """The table after receiving packets ``(index, pose)`` and seeing ``(index, x, y)``."""
     table = list(peers)
     for index, pose in packets:
         known = table[index]
@@ -64,21 +64,21 @@ def incorporate(
 def update_lost(
     lost: Lost, reported: Sequence[int], packets: Sequence[tuple[int, Pose]], tick: int
 ) -> Lost:
-    """Who is lost after hearing that ``said`` are, and packets ``(index, pose)``."""
-    before = {index: (since, spoken) for index, since, spoken in lost}
+    """Who is lost, after ``reported`` peers were, and packets ``(index, pose)`` were received."""
+    before = {index: (since, has_sent) for index, since, has_sent in lost}
     after = []
     for index in reported:
-        since, spoken = before.get(index, (tick, False))
-        speaks = any(peer == index and pose.tick >= since for peer, pose in packets)
-        after.append((index, since, spoken or speaks))
+        since, has_sent = before.get(index, (tick, False))
+        sends = any(peer == index and pose.tick >= since for peer, pose in packets)
+        after.append((index, since, has_sent or sends))
     return tuple(after)
 
 
 def without_lost(peers: PeerTable, lost: Lost) -> PeerTable:
-    """The table without the peers that are lost and have not spoken since."""
+    """The table without the peers that are lost and have sent no packet since."""
     if not lost:
         return peers
-    silent = {index for index, _, spoken in lost if not spoken}
+    silent = {index for index, _, has_sent in lost if not has_sent}
     return tuple([None if index in silent else peer for index, peer in enumerate(peers)])
 
 
@@ -99,7 +99,7 @@ def planning_team(
 def believed_positions(
     known: Sequence[Peer], tick: int, parameters: Parameters
 ) -> tuple[Point, ...]:
-    """Where robots of whom this is known are taken to be at a tick, in m."""
+    """The positions in m at which robots are assumed to be at a tick, from what is known."""
     if parameters.peer_policy == "hold":
         return tuple([(x, y) for _, x, y, _, _ in known])
     trusted = parameters.extrapolate_ticks_max

@@ -1,17 +1,17 @@
-"""When to speak: at every n-th tick, or only when silence would mislead the peers.
+"""When to publish: at every n-th tick, or only when silence would mislead the peers.
 
-The second is send-on-delta: a sender carries along what its receivers make of its packets alone,
-and sends when the truth is farther than a given error from that. Receivers here make two things of
-them: where the sender is (``encircle.agents.teamwork.peers``: the last position, held or moved on
+The second is send-on-delta: a sender keeps a model of what its receivers conclude from its packets
+alone, and sends when the truth is farther than a given error from that. Receivers here conclude two
+things: where the sender is (``encircle.agents.teamwork.peers``: the last position, held or moved on
 by the velocity sent with it) and where the target is (``encircle.agents.estimation.kalman``: the
-constant-velocity prediction from the detections sent). Both are computed as the receivers do it, so
-with packets that arrive at once and nothing else to go by, no receiver is ever more wrong than that
-when it hears nothing.
+constant-velocity prediction from the detections sent). Both are computed as the receivers do it. So
+if packets arrive at once, and a receiver knows nothing else, its error is never larger than that
+while it receives nothing.
 
-Left out: nobody acknowledges a packet, so after a loss only the age of the last packet brings the
-next one; that the target is out of sight again is no event, since no receiver's picture depends on
-it; and what was heard from others is passed on with the next packet, without causing one. What is
-detected at a tick without a packet serves this robot alone: it is not sent later.
+Left out: packets are not acknowledged, so after a loss only the age of the last packet brings the
+next one. That the target is out of sight again is no event, since no receiver's picture depends on
+it. Detections by others are relayed with the next packet, and cause none. A detection at a tick
+without a packet serves this robot alone: it is not sent later.
 """
 
 from math import dist
@@ -24,10 +24,11 @@ from encircle.protocol.parameters import Parameters
 
 
 class ReceiverModel(NamedTuple):
-    """What a peer knows that has heard all of this robot's packets and nothing else.
+    """What a peer knows that has received all of this robot's packets and nothing else.
 
-    ``sender``: of this robot, by its last packet; ``detecting``: whether that carried a detection;
-    ``target``: its estimate of the target; ``detected_tick``: newest tick of a detection in it.
+    ``sender``: about this robot, by its last packet; ``detecting``: whether that packet carried a
+    detection; ``target``: its estimate of the target; ``detected_tick``: newest tick of a detection
+    in it.
     """
 
     sender: Peer
@@ -44,7 +45,10 @@ def should_publish(
     tick_s: float,
     parameters: Parameters,
 ) -> bool:
-    """Whether to publish at a tick. ``told``: as of the tick before, None if nothing was said."""
+    """Whether to publish at a tick.
+
+    ``receiver_model``: as of the tick before, None if nothing was published.
+    """
     if tick % parameters.publish_every_ticks:
         return False
     if parameters.publish == "always" or receiver_model is None:
@@ -70,7 +74,7 @@ def next_receiver_model(
     tick_s: float,
     parameters: Parameters,
 ) -> ReceiverModel | None:
-    """What has been told when a tick is over; ``pose``: the packet sent at it, if any."""
+    """The model when a tick is over; ``pose``: the packet sent at it, if any."""
     if parameters.publish == "always":
         return None
     target = _target_at_receivers(receiver_model, tick, parameters)
@@ -83,7 +87,7 @@ def next_receiver_model(
     if pose is None:
         return receiver_model and receiver_model._replace(target=target)
     sender = incorporate((None,), ((0, pose),), (), tick, tick_s)[0]
-    assert sender is not None, "a packet tells where its sender is"
+    assert sender is not None, "a packet shows where its sender is"
     return ReceiverModel(sender, pose.detection is not None, target, detected_tick)
 
 

@@ -16,7 +16,8 @@ from typing import NamedTuple
 from encircle.network.transport import ledger_of
 from encircle.protocol.process.interrupts import check, signals_held
 from encircle.world.loading.channel_consistency import TRACE_ROWS_MAX
-from encircle.world.network.transport import delay_refusal, offsets_of, transits_of, unsteady
+from encircle.world.network.transits import offsets_of, transits_of
+from encircle.world.network.transport import delay_refusal, unsteady
 from encircle.world.recording.recording import Recording
 from encircle.world.recording.run_directory import RunDirectoryError
 

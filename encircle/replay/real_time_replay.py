@@ -1,15 +1,15 @@
-"""Replay of runs by the clock: what each robot had when it decided, put together again.
+"""Replay of runs by the clock: what each robot had received when it decided, reconstructed.
 
-Lock-step needs the observations alone. Here a robot answers the newest one that it has, and hears
-its peers itself; but its commands say in which order it has heard packets, passed over observations
-and answered them (``encircle.protocol.real_time``), and the world has recorded observations and
-packets. Fresh robots are given the same, by the tick and not by the clock, and must decide the
-same.
+In lock-step the observations suffice. Here a robot answers the newest observation that it has, and
+may receive packets from its peers directly. The receipts in its commands show in which order it has
+received packets, passed over observations and answered them (``encircle.protocol.real_time``), and
+the world has recorded observations and packets. New robots receive the same, by the tick and not by
+the clock, and must decide the same.
 
-What cannot be put together is not guessed. If a robot has heard a packet that the world has not, it
-is not checked from there on until it joins again, and the check says so; nor are its last commands,
-if none that came tells of their observations. The order to stand still that a robot gives when no
-observation comes is a matter of the clock, and not checked.
+What cannot be reconstructed is not guessed. If a robot has received a packet that the world has
+not, it is not checked from there on until it joins again, and the result says so. Nor are its last
+commands checked, if no recorded command has the receipts of their observations. The command to
+stand still that a robot gives when no observation arrives depends on the clock, and is not checked.
 """
 
 from collections import defaultdict
@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from encircle.agents.brain.real_time_core import RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
-from encircle.protocol.keys import robot_key
+from encircle.protocol.keys import channel_of, robot_key
 from encircle.protocol.messages import Command, CommandMode, Pose
 from encircle.protocol.real_time import Receipt, ReceiptKind
 from encircle.replay.replay_check import ReplayCheck, raise_failure
@@ -38,7 +38,7 @@ class _RobotRecording:
 
 
 class _NotRecorded(Exception):
-    """What a robot had cannot be put together; the message says why."""
+    """What a robot had received cannot be reconstructed; the message says why."""
 
 
 def replay_real_time(recording: Recording) -> ReplayCheck:
@@ -65,7 +65,7 @@ def replay_real_time(recording: Recording) -> ReplayCheck:
 def _parts_of(
     recording: Recording,
 ) -> tuple[dict[str, _RobotRecording], Packets, list[tuple[int, str, str]]]:
-    """Each robot's part, all packets, and what is from nobody of the team."""
+    """Each robot's part, all packets, and the messages of robots that are not of the team."""
     parts = {robot: _RobotRecording() for robot in recording.scenario.ids}
     packets: Packets = {}
     foreign = []
@@ -91,7 +91,7 @@ def _parts_of(
 
 
 class _RobotCheck:
-    """One robot, told again what it was told."""
+    """The check of one robot, which receives again what it received."""
 
     def __init__(self, robot: str, part: _RobotRecording, run: str, packets: Packets) -> None:
         self.differences: list[tuple[int, str, str]] = []
@@ -100,7 +100,7 @@ class _RobotCheck:
         self._robot, self._part, self._run, self._packets = robot, part, run, packets
 
     def run_all(self) -> None:
-        """Check every stay of the robot in the run."""
+        """Check every participation of the robot in the run."""
         part = self._part
         begins = sorted(part.setups)
         by_participation: dict[int, list[int]] = defaultdict(list)
@@ -155,7 +155,7 @@ class _RobotCheck:
         packet = self._packets.get((receipt.source, receipt.number))
         if packet is None:
             raise _NotRecorded(
-                f"packet {receipt.number} of {receipt.source}, which it heard, did not reach the"
+                f"packet {receipt.number} of {receipt.source}, which it received, did not reach the"
                 " world; not checked from there"
             )
         robot.take(receipt.arrival_us, robot_key(self._run, receipt.source, "pose"), packet)
@@ -166,7 +166,7 @@ class _RobotCheck:
         if action is None:
             self.differences.append((tick, self._robot, "command"))
             return
-        messages = {key.rsplit("/", 1)[1]: payload for key, payload in robot.messages(action, 0)}
+        messages = {channel_of(key): payload for key, payload in robot.messages(action, 0)}
         mine, theirs = (
             decode(Command, messages["command"], self._run),
             self._part.commands.get(tick),

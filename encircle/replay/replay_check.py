@@ -1,4 +1,4 @@
-"""What a replay finds, in lock-step and by the clock."""
+"""The result of a replay, in lock-step and by the clock."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from encircle.agents.brain.robot_core import RobotCore
 
 @dataclass(frozen=True, slots=True)
 class ReplayCheck:
-    """What a replay found. ``differences``: (tick, robot, channel) that came out differently.
+    """The result of a replay. ``differences``: (tick, robot, channel) decided differently.
 
     ``unchecked``: what could not be checked, and why; nothing in lock-step.
     """
@@ -26,6 +26,6 @@ class ReplayCheck:
 
 
 def raise_failure(core: RobotCore) -> None:
-    """Raise how a robot's strategy has failed, if it has."""
+    """Raise the failure of a robot's policy, if it has failed."""
     if core.failed is not None:
         raise core.failed

@@ -1,8 +1,8 @@
 """Replay: read a recording back, and check that fresh brains decide the same on it.
 
 The check feeds each robot's recorded setup and observations, byte for byte, to a new robot core and
-compares the poses and commands it sends with those recorded. It needs no world and no link, so what
-is found different was decided differently.
+compares the poses and commands that it sends with those recorded. It needs no world and no
+connection, so a difference is a different decision.
 """
 
 from dataclasses import replace
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
+from encircle.protocol.keys import channel_of
 from encircle.protocol.messages import Command, Radio
 from encircle.replay.real_time_replay import replay_real_time
 from encircle.replay.replay_check import ReplayCheck, raise_failure
@@ -19,7 +20,7 @@ from encircle.world.recording.recording import Recording, decoded, read_recordin
 def replay(source: str | Path | Recording) -> ReplayCheck:
     """Feed a recording's observations to fresh brains and compare what they decide.
 
-    ``PluginFailed`` if a strategy fails on them, as it may have done in the run.
+    ``PluginFailed`` if a policy fails on them, as it may have done in the run.
     """
     recording = source if isinstance(source, Recording) else read_recording(source)
     run = recording.run
@@ -28,16 +29,16 @@ def replay(source: str | Path | Recording) -> ReplayCheck:
     cores = {robot: RobotCore(robot, run) for robot in recording.scenario.ids}
     decided: dict[tuple[int, str, str], bytes] = {}
     differences: list[tuple[int, str, str]] = []
-    heard = set()
+    received = set()
     compared = 0
     for tick, topic, payload in recording.messages:
         *_, robot, channel = topic.split("/")
         if channel in ("setup", "observation", "pose", "command") and robot not in cores:
             differences.append((tick, robot, channel))
         elif channel in ("setup", "observation"):
-            heard.add((tick, robot, channel))
+            received.add((tick, robot, channel))
             for key, answer in cores[robot].receive(f"encircle/{run}/{topic}", payload):
-                decided[tick, robot, key.rsplit("/", 1)[1]] = answer
+                decided[tick, robot, channel_of(key)] = answer
             raise_failure(cores[robot])
         elif channel in ("pose", "command"):
             compared += 1
@@ -52,8 +53,8 @@ def replay(source: str | Path | Recording) -> ReplayCheck:
     spoke = _published_ticks(recording)
     for tick, robot, channel in decided:
         # One that was lost before it had answered in full is not asked next, or is set up first.
-        asked_next = (tick + 1, robot, "observation") in heard
-        lost = not asked_next or (tick + 1, robot, "setup") in heard
+        asked_next = (tick + 1, robot, "observation") in received
+        lost = not asked_next or (tick + 1, robot, "setup") in received
         unanswered = (tick, robot, "command") in decided and (tick, robot) not in spoke
         if tick <= whole and not (lost and unanswered):
             differences.append((tick, robot, channel))

@@ -67,7 +67,7 @@ class GroundTruth:
 
     @property
     def outcome(self) -> str:
-        """How it ended, in a few words."""
+        """How the run ended, in a few words."""
         tick = self.last_tick
         if self.captured:
             text = f"captured at tick {tick} ({tick * self.scenario.tick_s:.1f} s)"
@@ -99,7 +99,7 @@ class GroundTruth:
 
     @cached_property
     def moved_by_hand(self) -> tuple[int, ...]:
-        """Ticks at which the target was found somewhere else, moved by hand."""
+        """Ticks at which the target had been moved by hand."""
         events = [e.tick for e in self.scenario.events if isinstance(e, MoveTarget)]
         return tuple(sorted(t for t in set(events) if self.ticks[0] < t <= self.last_tick))
 
@@ -108,8 +108,10 @@ class GroundTruth:
         """(T, N + 1, N + 1) whether row body sensed column body, the target last."""
         count = self.positions.shape[1]
         seen = [
-            in_sight(geometry(places, self.arena.radii, count), self.arena.ranges, self.arena.radii)
-            for places in self._with_obstacles
+            in_sight(
+                geometry(positions, self.arena.radii, count), self.arena.ranges, self.arena.radii
+            )
+            for positions in self._with_obstacles
         ]
         return np.array(seen)
 
@@ -118,7 +120,7 @@ class GroundTruth:
         """(T, N + 1, N + 1 + O) free distance in m between surfaces, obstacles last."""
         count = self.positions.shape[1]
         return np.array(
-            [geometry(places, self.arena.radii, count).gaps for places in self._with_obstacles]
+            [geometry(points, self.arena.radii, count).gaps for points in self._with_obstacles]
         )
 
     @cached_property
@@ -150,7 +152,7 @@ class GroundTruth:
 
 
 def ground_truth_of(recording: Recording) -> GroundTruth:
-    """The tracks in a recording; of one cut off before the first tick, the start alone."""
+    """The ground truth in a recording; of one cut off before the first tick, the start alone."""
     arena = build(recording.scenario, recording.seed)
     states = [decoded(State, recording, t, p) for t, _, p in recording.of_channel("state")]
     ends = [decoded(End, recording, t, p) for t, _, p in recording.of_channel("end")]
@@ -199,7 +201,7 @@ def commands_at(recording: Recording, tick: int) -> tuple[Command, ...]:
 def ring_centre(commands: Sequence[Command], radius_m: float) -> Point | None:
     """Centre in m of the ring of encirclement that the commands plan; None if none encircles.
 
-    A command tells a robot's own point of the ring (goal) and that point's number q. By Eq. 1 the
+    A command holds a robot's own point of the ring (goal) and that point's number q. By Eq. 1 the
     goals are ``centre + radius * R(q theta) u``, linear in the centre and the unit vector u; two
     robots determine them. Robots with different views plan different rings: if no common one fits
     to ``RING_MISFIT_M_MAX``, or a single robot encircles, the centre is the mean of the estimates.
@@ -225,9 +227,9 @@ def ring_centre(commands: Sequence[Command], radius_m: float) -> Point | None:
 
 
 def points_shared(recording: Recording) -> tuple[int, int]:
-    """Ticks at which two encircling robots went for one place, and ticks with two or more.
+    """Ticks at which two encircling robots had one goal, and ticks with two or more such robots.
 
-    Places are compared, not numbers of points: each robot counts from its own reference.
+    Positions are compared, not numbers of points: each robot counts from its own reference.
     """
     by_tick: dict[int, list[tuple[float, float]]] = {}
     for tick, _, payload in recording.of_channel("command"):

@@ -1,8 +1,8 @@
 """The log of a run from its messages.
 
 What robots believed is in no message. It is worked out again by feeding the recorded setup and
-observations to fresh robot cores, as a replay does; that they decide as the recorded ones did is
-checked, since their beliefs would mean nothing otherwise.
+observations to new robot cores, as a replay does. It is checked that these decide as the recorded
+ones did, since their beliefs would mean nothing otherwise.
 """
 
 from collections.abc import Iterable, Iterator
@@ -40,17 +40,17 @@ def log_of_messages(
             "clock = 'wall': in a run by the clock robots miss ticks, and measures are of all;"
             " run it in lock-step, with the network as a trace (encircle trace)"
         )
-    heard = _LogBuilder(build(scenario, seed), run)
+    builder = _LogBuilder(build(scenario, seed), run)
     for tick, topic, payload in messages:
         try:
-            heard.take(tick, topic, payload)
+            builder.take(tick, topic, payload)
         except ProtocolError as error:
             raise RecordingError(f"{topic} of tick {tick}: {error}") from None
-    return heard.log()
+    return builder.log()
 
 
 class _LogBuilder:
-    """A recording as it is read, and fresh robots that are told what the recorded ones were."""
+    """A recording as it is read, and new robots that receive what the recorded ones received."""
 
     def __init__(self, arena: Arena, run: str) -> None:
         self.arena, self.scenario, self.run = arena, arena.scenario, run
@@ -98,7 +98,7 @@ class _LogBuilder:
             self.decided[tick, robot] = belief_of(self.cores[robot]), action.command
 
     def log(self) -> RunLog:
-        """The log of all the rounds that were heard whole."""
+        """The log of all rounds that are recorded whole."""
         states = self.states or {0: truth(self.arena, initial(self.arena))}
         rounds, numbers = Rounds(), self.numbers
         for tick in self._ticks(states):
@@ -139,14 +139,14 @@ class _LogBuilder:
             yield tick
 
     def _lost(self, tick: int, robot: str) -> bool:
-        """Whether a robot whose command is not there was lost, so that it gave none."""
+        """Whether a robot without a recorded command was lost, so that it gave none."""
         after = (tick + 1, robot)
         return (
             (tick, robot) not in self.decided or after in self.set_up or after not in self.decided
         )
 
     def _check(self, tick: int, robot: str, decided: Command) -> None:
-        """Whether the fresh robot decided as the recorded one; refused messages are no decision."""
+        """Raise if the new robot decided otherwise; refused messages are no decision."""
         recorded = self.commands[tick, robot]
         if replace(decided, refused={}) != replace(recorded, refused={}):
             raise RecordingError(

@@ -2,12 +2,12 @@
 
 Measures (``encircle.measures.registry``) are functions of this and of nothing else. A log of T
 rounds holds T + 1 ticks of truth and T rounds of decisions: round t is what the robots decide at
-tick t, on what they have seen and heard by then, and it leads to the truth at tick t + 1.
+tick t, on what they have sensed and received by then, and it leads to the truth at tick t + 1.
 
-There are two ways to a log, and both give the same arrays. A ``RunLogCollector`` looks on at a hunt
-in memory; it only keeps references to what the hunt makes anyway, and arrays are made once, at the
-end. ``recorded_log.log_of_recording`` takes a recording, of a hunt over whatever link; one that was
-cut off gives the log of its whole rounds.
+There are two sources of a log, and both give the same arrays. A ``RunLogCollector`` looks on at a
+hunt in memory; it only keeps references to what the hunt makes anyway, and arrays are made once, at
+the end. ``recorded_log.log_of_recording`` takes the recording of a hunt, in memory or over Zenoh;
+one that was cut off gives the log of its whole rounds.
 """
 
 from collections.abc import Sequence
@@ -48,12 +48,12 @@ class RunLog:
     ``xi``: (T, N), NaN without one. ``points``: (T, N) number of the encirclement point, -1 without
     one. ``goals``: (T, N, 2), NaN without one. ``estimates``: (T, N, 4) ``x, y, vx, vy`` in m and
     m/s, and ``covariances``: (T, N, 3) ``p00, p01, p11`` of each axis, NaN while nothing is known.
-    ``believed``: (T, N, N, 2) where [t, i] takes the members of its team to be, itself included,
-    NaN for those it leaves out. ``due`` and ``copies``: (T, N, N) fates as in
+    ``believed``: (T, N, N, 2) where robot i at tick t assumes the members of its planning team to
+    be, itself included, NaN for those it leaves out. ``due`` and ``copies``: (T, N, N) fates as in
     ``encircle.protocol.messages.Radio``, copies 0 where there are none. ``sizes_bytes``: (T, N) of
     the pose packets without the run's name, whose length is no property of the run; 0 where none
     was sent. ``there``: (T, N) whether the robot took part in the round. One that was lost has a
-    step of zero, the mode ``lost``, and else what a robot has that knows and says nothing.
+    step of zero, the mode ``lost``, and else the values of a robot that knows and sends nothing.
     ``ended``: the reason that the world gave, None if the recording does not reach the end.
     """
 
@@ -110,7 +110,7 @@ class RunLog:
 
     @property
     def moved_by_hand(self) -> tuple[int, ...]:
-        """Ticks at which the target was found somewhere else, moved by hand."""
+        """Ticks at which the target had been moved by hand."""
         moves = {e.tick for e in self.scenario.events if isinstance(e, MoveTarget)}
         return tuple(sorted(tick for tick in moves if tick <= self.ticks))
 
@@ -134,7 +134,7 @@ def belief_of(core: RobotCore) -> Belief:
 
 @dataclass(slots=True)
 class Rounds:
-    """A run as it comes in, tick by tick and robot by robot; ``log_of`` makes arrays of it.
+    """A run as it is collected, tick by tick and robot by robot; ``log_of`` makes arrays of it.
 
     ``positions``: T + 1 arrays (N + 1 or more, 2); ``due`` and ``copies``: T arrays (N, N), or None
     without copies; ``commands``, ``sizes_bytes`` and ``beliefs``: T times N, None and 0 of a robot
@@ -150,7 +150,7 @@ class Rounds:
     copies: list[Integers | None] = field(default_factory=list)
 
     def add_lost_robot(self) -> None:
-        """The next robot in turn is lost: it believes, says and commands nothing."""
+        """The next robot in robot order is lost: it has no belief, packet or command."""
         self.commands.append(None)
         self.beliefs.append(None)
         self.sizes_bytes.append(0)
@@ -207,11 +207,11 @@ def _table(rows: Sequence[tuple[float, ...]], shape: tuple[int, ...]) -> Floats:
 
 
 def _believed(beliefs: Sequence[Belief | None], count: int, parameters: Parameters) -> list[Point]:
-    """Where each robot takes each of the whole team to be, for all beliefs in turn."""
-    places: list[Point] = []
+    """Where each robot assumes each of the whole team to be, for all beliefs in order."""
+    assumed: list[Point] = []
     for row, belief in enumerate(beliefs):
         if belief is None:
-            places += [NOWHERE] * count
+            assumed += [NOWHERE] * count
             continue
         position, peers, _ = belief
         tick, own = divmod(row, count)
@@ -219,12 +219,12 @@ def _believed(beliefs: Sequence[Belief | None], count: int, parameters: Paramete
         if len(members) < count:
             known = dict(zip(members, positions, strict=True))
             positions = tuple([known.get(robot, NOWHERE) for robot in range(count)])
-        places += positions
-    return places
+        assumed += positions
+    return assumed
 
 
 class RunLogCollector:
-    """Looks on at one hunt (``run_in_memory(..., watch=collector)``); its log is had afterwards."""
+    """Looks on at one hunt in memory, as its observer; gives the log afterwards."""
 
     def __init__(self) -> None:
         self._rounds = Rounds()
@@ -233,7 +233,7 @@ class RunLogCollector:
     def decided(
         self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[RobotAnswer | None]
     ) -> None:
-        """Every robot that is there has answered at the world's tick."""
+        """Every robot that takes part has answered at the world's tick."""
         self._look(world)
         rounds, name_bytes = self._rounds, len(world.run)
         for core, answer in zip(robots, answers, strict=True):

@@ -1,8 +1,8 @@
-"""A hunt inside one process: the same cores as in the real thing, joined by hand.
+"""A hunt inside one process: the same cores as over Zenoh, without connections between them.
 
-Poses and commands are encoded as over Zenoh, and poses decoded by whoever the radio delivers them
-to, so digest and recording are the same. Left out are processes, threads and sockets, and the
-decoding of what this process has itself just encoded.
+Poses and commands are encoded as over Zenoh, and poses are decoded by the robots to which the
+channel delivers them, so digest and recording are the same. Left out are processes, threads and
+sockets, and the decoding of what this process has itself just encoded.
 """
 
 import gc
@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, encode, remember_pose
-from encircle.protocol.keys import parse_key
+from encircle.protocol.keys import channel_of, parse_key
 from encircle.protocol.messages import Command, Observation
 from encircle.protocol.plugins import PluginFailed
 from encircle.world.arena.engine import Arena
@@ -41,7 +41,7 @@ class RunEndedByPlugin(Exception):
 
 
 class RunObserver(Protocol):
-    """Someone who looks on at a hunt in memory, and must change nothing."""
+    """Code that looks on at a hunt in memory, and must change nothing."""
 
     def decided(
         self, world: WorldCore, robots: Sequence[RobotCore], answers: Sequence[RobotAnswer | None]
@@ -145,16 +145,16 @@ def _next_observations(
 
 
 def _resumed_observations(resumed: Resumed, cores: Mapping[str, RobotCore]) -> list[Observation]:
-    """The observations of the round that was under way; each robot is told what it has to know."""
+    """The observations of the round that was under way; each robot first gets its history."""
     world, observations = resumed.core, []
     for robot in world.rounds.lost:
-        # It is there now, and asked again from the next round on.
+        # It is present now, and takes part again from the next round on.
         world.join(robot)
     for robot, history in resumed.histories.items():
         for key, payload in history:
             cores[robot].receive(key, payload)
     for key, payload in world.rounds.unanswered():
-        if key.endswith("/observation"):
+        if channel_of(key) == "observation":
             observations.append(decode(Observation, payload, world.run))
         else:
             cores[parse_key(key).robot or ""].receive(key, payload)

@@ -2,8 +2,8 @@
 
 This process is the world; the robots are processes of their own, as in any hunt over Zenoh,
 started once for the largest team of the study. A run's log is made from its messages, by feeding
-the observations to fresh brains, since what robots believe does not travel. Whatever happens, the
-robots are ended: they go by themselves when the world is gone, and are made to if they do not.
+the observations to new brains, since no message holds what robots believe. Whatever happens, the
+robots are ended: they end by themselves when the world is gone, and are killed if they do not.
 """
 
 import contextlib
@@ -35,9 +35,10 @@ from encircle.studies.sources import versions
 from encircle.studies.tasks import FAILED, Row, Task, failed_row, row, run_seed
 from encircle.studies.workers import StudyFailed
 from encircle.world.arena.engine import Arena, build
+from encircle.world.coordinator.round_engine import RoundEngine
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.loading.load import load
-from encircle.world.process.progress import RESEND_PERIOD_S
+from encircle.world.process.progress import LockStepWatch, Overdue, Progress, StillWaiting
 from encircle.world.process.sending import send
 from encircle.world.process.server import run_rounds
 from encircle.world.scenario.errors import ScenarioError
@@ -49,7 +50,7 @@ Messages = list[tuple[int, str, bytes]]
 
 
 def over_zenoh(plan: Plan, tasks: Iterator[Task], code: str) -> Generator[list[Row]]:
-    """Run tasks one after the other through kept robot processes, a row at a time.
+    """Run tasks one after the other with the same robot processes, a row at a time.
 
     ``code``: the digest of the sources that the robots, started here, import.
     """
@@ -65,7 +66,7 @@ def over_zenoh(plan: Plan, tasks: Iterator[Task], code: str) -> Generator[list[R
                 finished = _run(session, task, scenario, seed, code_identity)
                 yield [finished]
                 if finished[FAILED]:
-                    # What is still under way of that run must not come into the next one.
+                    # Messages of that run that are still under way must not reach the next one.
                     stack.close()
                     session = None
 
@@ -78,7 +79,7 @@ def _run(
         log, digest = session.hunt(build(scenario, seed))
         return row(task, log, digest, begun_s, code)
     except HuntFailed as error:
-        # What was said elsewhere is had here with its traceback: the same fails in memory.
+        # Its traceback is in another process; the same run fails in memory with one of its own.
         again = run_seed(task, scenario, seed, code)
         if again[FAILED]:
             return again
@@ -89,11 +90,11 @@ def _run(
 
 
 class HuntFailed(Exception):
-    """A run that ended as failed, for a reason of its own; the message says which."""
+    """A run that ended as failed; the message is the reason."""
 
 
 class Session:
-    """Robot processes that wait for runs. Use as a context, which ends them."""
+    """Robot processes that wait for runs. Use as a context manager, which ends them."""
 
     def __init__(self, robots: Sequence[str], timeouts: Timeouts | None = None) -> None:
         self._patience = timeouts or launch.TIMEOUTS
@@ -207,24 +208,27 @@ class Session:
             self._failure = self._failure or f"robot {robot} is gone"
 
     def _watch(self) -> None:
-        """Close the link, and so end the run under way, when a robot is gone or does not answer.
+        """Close the connection, and so end the run, when a robot is gone or does not answer.
 
-        What it has not answered is asked again first: it may have found no room.
+        An unanswered observation is sent again before: it may have been dropped for want of room.
         """
-        core, tick, since_s, again_s = None, -1, time.monotonic(), RESEND_PERIOD_S
-        s_max = self._patience.answer_s_max
+        watched, s_max = None, self._patience.answer_s_max
+        watch = LockStepWatch(s_max, time.monotonic())
         while not self._closed.wait(WATCH_PERIOD_S):
-            now = self._core
-            if now is not core or now is None or now.state.tick != tick:
-                core, since_s, again_s = now, time.monotonic(), RESEND_PERIOD_S
-                tick = now.state.tick if now is not None else -1
-            elif time.monotonic() - since_s > s_max:
-                names = ", ".join(now.rounds.table.waiting())
-                self._failure = f"no answer from {names} for {s_max:g} s at tick {tick}"
-            elif time.monotonic() - since_s > again_s:
-                again_s += RESEND_PERIOD_S
-                with contextlib.suppress(ConnectionClosed):
-                    send(self._connection, now.rounds.unanswered())
+            core, now_s = self._core, time.monotonic()
+            if core is not watched:
+                watched, watch = core, LockStepWatch(s_max, now_s)
+            if core is not None:
+                self._act_on(watch.look(core.state.tick, now_s), core.rounds)
             if self._failure or is_signal_held():
                 self._connection.close()
                 return
+
+    def _act_on(self, progress: Progress, rounds: RoundEngine) -> None:
+        match progress:
+            case Overdue(answer_s_max):
+                names, tick = ", ".join(rounds.table.waiting()), rounds.state.tick
+                self._failure = f"no answer from {names} for {answer_s_max:g} s at tick {tick}"
+            case StillWaiting():
+                with contextlib.suppress(ConnectionClosed):
+                    send(self._connection, rounds.unanswered())

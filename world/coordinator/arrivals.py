@@ -11,7 +11,7 @@ the round's packets.
 from collections.abc import Callable
 
 from encircle.protocol.errors import OutOfTurn
-from encircle.protocol.keys import robot_key
+from encircle.protocol.keys import channel_of, robot_key
 from encircle.protocol.lockstep import LockStep, Phase
 from encircle.protocol.messages import Command, Pose
 from encircle.world.coordinator.real_time_answers import RealTimeAnswers
@@ -41,7 +41,7 @@ class TimedJournalRecord:
 
     def __call__(self, tick: int, key: str, payload: bytes) -> None:
         """Record one message of the journal."""
-        channel = key.rsplit("/", 1)[1]
+        channel = channel_of(key)
         if channel == "radio" or (channel == "end" and self._noted):
             for message in self._noted:
                 self._record(*message)

@@ -1,4 +1,4 @@
-"""What came of a run."""
+"""The result of a run."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ WHEN_LOST = (GO_ON, END)
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came of a run. ``packets_lost`` counts by cause; distances in m, robot order.
+    """The result of a run. ``packets_lost`` counts by cause; distances in m, robot order.
 
     ``departures``: (tick, robot, what) of robots that were lost, ``lost: `` and why, or came
     ``back``, as it happened.

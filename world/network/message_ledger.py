@@ -1,16 +1,18 @@
-"""What was sent and what came, message by message: the ledger that link measures are made from.
+"""What was sent and what arrived, message by message: the ledger that link measures are made from.
 
-The world writes it as a run by the clock goes on; the same is read back from a recording. Four
-times belong to each answered observation (``encircle.protocol.clocks``); what was lost is known
-from gaps. Packets of a robot are numbered one by one from the tick at which it joined, so a number
-left out is a packet lost. What a robot has heard itself, its commands tell until they are known to
-have come (``encircle.protocol.real_time``). They also say how many observations their robot has
-passed over or never had, so that a tick without a command is a command lost or one that was never
-given. A robot that joins again starts again: nothing is concluded across that.
+The world keeps it while a run goes on by the clock; the same ledger is read back from a recording.
+Four times belong to each answered observation (``encircle.protocol.clocks``). What was lost is
+known from gaps. Packets of a robot are numbered one by one from the tick at which it joined, so a
+missing number is a lost packet. What a robot has received itself is known from the receipts in its
+commands, which it repeats until they are acknowledged (``encircle.protocol.real_time``). Commands
+also say how many observations their robot has passed over or never received, so that for a tick
+without a command it is known whether the command was lost or never given. A robot that joins again
+begins anew: nothing is concluded from one participation on another.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from encircle.protocol.clocks import Exchange
 from encircle.protocol.messages import Command, CommandMode, Pose, Radio
@@ -21,13 +23,25 @@ ROWS_MAX = 1_000_000
 """A ledger's limit: some 100 MB. What comes later is left out, which the report says."""
 
 
+class PacketTimes(NamedTuple):
+    """A packet that has reached the world: its tick, and when it was sent and arrived, in us.
+
+    The time of sending is by the robot's clock, that of arrival by the world's.
+    """
+
+    tick: int
+    sent_us: int
+    arrival_us: int
+
+
 @dataclass(slots=True)
 class Participation:
-    """One robot's time in the run, from a joining on.
+    """One robot's time in the run, from one joining to the next.
 
-    ``packets``: (tick, sent, came) by number; ``heard``: by sender, when each packet came that the
-    robot has heard itself; ``asked_us`` and ``arrived_us``: by tick, when each observation was sent
-    and came. Of ticks later than ``known_tick`` it is not known what the robot has heard.
+    ``packets``: those that have reached the world, by number; ``packet_arrivals_us``: by sender and
+    number, when each packet arrived that the robot has received itself; ``asked_us`` and
+    ``arrived_us``: by tick, when each observation was sent and arrived. What the robot has received
+    after ``known_tick`` is not known.
     """
 
     first_tick: int
@@ -36,8 +50,8 @@ class Participation:
     passed_over: int = 0
     missed: int = 0
     exchanges: list[Exchange] = field(default_factory=list)
-    packets: dict[int, tuple[int, int, int]] = field(default_factory=dict)
-    heard: dict[str, dict[int, int]] = field(default_factory=dict)
+    packets: dict[int, PacketTimes] = field(default_factory=dict)
+    packet_arrivals_us: dict[str, dict[int, int]] = field(default_factory=dict)
     asked_us: dict[int, int] = field(default_factory=dict)
     arrived_us: dict[int, int] = field(default_factory=dict)
     known_tick: int = -1
@@ -45,7 +59,7 @@ class Participation:
 
 @dataclass(slots=True)
 class Injected:
-    """What the modelled radio did on one directed link; ``ticks``: of delay, by packets."""
+    """What the channel model did on one link; ``ticks``: numbers of packets by delay in ticks."""
 
     sent: int = 0
     copied: int = 0
@@ -54,9 +68,9 @@ class Injected:
 
 
 class MessageLedger:
-    """The ledger of one run. ``full_tick``: from which tick on nothing was written, if any.
+    """The ledger of one run. ``full_tick``: from which tick on it was full, None if it was not.
 
-    ``direct``: whether robots hear each other themselves.
+    ``direct``: whether packets go from robot to robot, not through the world.
     """
 
     def __init__(
@@ -71,7 +85,7 @@ class MessageLedger:
         self._rows_left = rows_max
 
     def joined(self, robot: str, first_tick: int) -> None:
-        """A robot begins, or begins afresh, with the observation of this tick."""
+        """A robot begins, or begins anew, with the observation of this tick."""
         self.participations[robot].append(Participation(first_tick))
 
     def asked(self, robot: str, tick: int, sent_us: int) -> None:
@@ -81,7 +95,7 @@ class MessageLedger:
             self._rows_left -= 1
 
     def answered(self, command: Command, arrival_us: int) -> None:
-        """A command has come to the world."""
+        """A command has reached the world."""
         participation = self._participation_at(command.robot, command.tick)
         if participation is None or command.timing is None or self._is_full(command.tick):
             return
@@ -89,7 +103,7 @@ class MessageLedger:
         for receipt in timing.receipts:
             is_packet = receipt.kind is ReceiptKind.PACKET
             arrivals_us = (
-                participation.heard.setdefault(receipt.source, {})
+                participation.packet_arrivals_us.setdefault(receipt.source, {})
                 if is_packet
                 else participation.arrived_us
             )
@@ -114,14 +128,15 @@ class MessageLedger:
         self._rows_left -= 1
 
     def packet(self, pose: Pose, arrival_us: int) -> None:
-        """A packet has come to the world."""
+        """A packet has reached the world."""
         participation = self._participation_at(pose.robot, pose.tick)
         if participation is not None and pose.sent_us is not None and not self._is_full(pose.tick):
-            participation.packets.setdefault(pose.sequence, (pose.tick, pose.sent_us, arrival_us))
+            times = PacketTimes(pose.tick, pose.sent_us, arrival_us)
+            participation.packets.setdefault(pose.sequence, times)
             self._rows_left -= 1
 
     def fates_drawn(self, radio: Radio) -> None:
-        """The modelled radio has drawn the fates of the packets of a tick."""
+        """The channel model has drawn the fates of the packets of a tick."""
         for sender, row in zip(self.robots, radio.fates, strict=True):
             for receiver, fate in zip(self.robots, row, strict=True):
                 if fate == 0:
@@ -140,7 +155,7 @@ class MessageLedger:
                     self.injected[sender, receiver].copied += 1
 
     def _participation_at(self, robot: str, tick: int) -> Participation | None:
-        """The robot's stay that a message of a tick is from, None if it is from an earlier one."""
+        """The participation that a message of a tick is from, None if it is an earlier one."""
         participations = self.participations.get(robot)
         return (
             participations[-1] if participations and tick >= participations[-1].first_tick else None

@@ -1,9 +1,9 @@
 """How long a run has been waiting at a tick, and what is to be done about it. Sans I/O and clock.
 
-A lock-step run waits for answers. What is not answered is asked again, since a router that was
-restarted has lost what was under way; who does not answer for too long is overdue. By the clock
-nothing is asked again: the clock ends every tick, however long it is, and only the program that
-started the world has to hear now and then that it is there.
+A lock-step run waits for answers. Unanswered observations are sent again now and then, since a
+router that was restarted has lost what was under way; an answer that does not come for too long is
+overdue. By the clock nothing is sent again: the clock ends every tick, however long it is. Only the
+program that started the world needs a report now and then, as a sign that the world is alive.
 """
 
 from typing import NamedTuple, TypeAlias
@@ -45,7 +45,11 @@ class LockStepWatch:
     """
 
     def __init__(
-        self, answer_s_max: float, resumed_tick: int | None, resumed_s_max: float, now_s: float
+        self,
+        answer_s_max: float,
+        now_s: float,
+        resumed_tick: int | None = None,
+        resumed_s_max: float = 0.0,
     ) -> None:
         self._answer_s_max = answer_s_max
         self._resumed_tick = resumed_tick

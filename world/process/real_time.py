@@ -1,8 +1,8 @@
 """The world's rounds by the clock: a thread stamps what arrives, this one keeps the deadlines.
 
-It waits for messages until a tick's deadline, takes what has come by then, lets the core end the
+It waits for messages until a tick's deadline, takes what has arrived by then, lets the core end the
 tick, and sends the observations of the next. How well it kept its deadlines is measured
-(``encircle.world.coordinator.deadlines``) and told with the result, whatever the reason was.
+(``encircle.world.coordinator.deadlines``) and is part of the result.
 """
 
 import threading
@@ -28,10 +28,10 @@ def run_real_time(
     act: Act,
     answer_s_max: float,
 ) -> DeadlineStatistics:
-    """Run the hunt until it ends or the link is closed; returns how punctual it was.
+    """Run the hunt until it ends or the connection is closed; returns how punctual it was.
 
-    ``act`` does something with the core and sends what comes of it. A robot of which nothing has
-    come for ``answer_s_max`` is lost.
+    ``act`` makes a change to the core and sends the messages that result. A robot from which
+    nothing arrives for ``answer_s_max`` is lost.
     """
     connection.drop_when_congested()
     mail, punctuality = Mailbox(), DeadlineStatistics()

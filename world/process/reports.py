@@ -1,7 +1,7 @@
-"""What a world tells while it runs: lines for a person, or JSON for the program that started it.
+"""Reports of a world on its progress: lines for a person, or JSON for the program that started it.
 
-What happens to robots, why a run fails and what came of it are lines on standard error in any case;
-they are not told here.
+Departures of robots, the reason of a failure and the result are lines on standard error in any
+case; they are not reported here.
 """
 
 import json
@@ -18,7 +18,7 @@ SHOWN_MAX = 6
 
 
 def report_as_json(event: dict[str, Any]) -> None:
-    """One JSON object to standard output; a starter that is gone is no reason to fail."""
+    """One JSON object to standard output; that the reader is gone is no reason to fail."""
     try:
         print(json.dumps(event), flush=True)
     except BrokenPipeError:
@@ -26,14 +26,14 @@ def report_as_json(event: dict[str, Any]) -> None:
 
 
 class ConsoleReporter:
-    """Lines on standard error: who is waited for when that changes, and a tick a second."""
+    """Lines on standard error: which robots the world waits for, and the tick once a second."""
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._clock_s = clock_s
         self._reported_s = clock_s()
 
     def __call__(self, event: dict[str, Any]) -> None:
-        """Say what is of interest."""
+        """Print what is of interest to a person."""
         if "expected" in event:
             names = shortened(event["expected"])
             say_error(f"world: waiting for {names}" if names else "world: every robot is there")

@@ -1,7 +1,7 @@
-"""The world's life: link, recording and summary around one run that is served.
+"""The life of a world's process: connection, recording and summary around one served run.
 
-Whatever goes wrong is one line on standard error. Nothing that exists is overwritten, and what was
-recorded of a run that broke off is kept beside what becomes of it.
+Whatever goes wrong is one line on standard error. No existing file is overwritten, and the
+recording of a run that broke off is kept beside that of its resumption.
 """
 
 import asyncio
@@ -50,7 +50,7 @@ async def run_world(
 ) -> int:
     """The world's life; returns the exit status. ``out``: directory for the recording, if any.
 
-    ``report_to`` gets all that happens. ``resumed``: a run to go on with, whose directory ``out``
+    ``report_to`` gets every report. ``resumed``: a run to go on with, whose directory ``out``
     is.
     """
     # Built first: a team that cannot be placed leaves nothing behind.
@@ -82,7 +82,7 @@ async def run_world(
 async def _served(
     server: Server, endpoints: Endpoints, out: Path | None, recorder: Recorder | None
 ) -> str:
-    """Say where the world is and run the hunt; returns how it ended."""
+    """Report the world's endpoint and run the hunt; returns how it ended."""
     core, options = server.core, server.options
     if recorder is not None:
         server.record_with(recorder)
@@ -105,7 +105,7 @@ def _recorder(out: Path | None, arena: Arena, run: str, resumed: Resumed | None)
 
 
 def _finish(server: Server, ended: str, out: Path | None, recorder: Recorder | None) -> int:
-    """Finish the recording, write the summary, and tell what came of the run; the exit status."""
+    """Finish the recording, write the summary, and report the result; returns the exit status."""
     core = server.core
     if core.rounds.plugin_failure is not None:
         ended = failure_reason(failure_line(core.rounds.plugin_failure, out))

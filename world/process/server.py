@@ -36,12 +36,12 @@ from encircle.world.recording.resuming import Resumed
 JOIN_S_MAX = 30.0
 ANSWER_S_MAX = 3.0
 FLUSH_S_MAX = 10.0
-"""So long Zenoh keeps a connection of which nothing comes."""
+"""How long Zenoh keeps a connection on which nothing arrives."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorldOptions:
-    """What a world puts up with. ``join_s_max``, ``answer_s_max``: how long it waits, in s.
+    """Limits of a world: ``join_s_max`` and ``answer_s_max``, how long it waits for robots, in s.
 
     ``when_lost``: whether the run goes on without a lost robot, or ends. ``parent``: end when
     standard input does, so that no world outlives the program that started it.
@@ -179,7 +179,7 @@ class Server:
         watch = asyncio.create_task(self._run_watch().run())
         over = asyncio.create_task(self._ended.wait())
         await _first_of(rounds, over, watch, self._failure)
-        # It ends by itself only by an error of ours, which must not go unheard.
+        # The watch ends by itself only by an error of ours, which is raised below.
         watch_failed = watch.done()
         watch.cancel()
         over.cancel()
@@ -195,10 +195,10 @@ class Server:
         self.times.rounds_s = time.perf_counter() - begun
 
     async def _flush_end(self) -> None:
-        """See to it that the robots learn of the end before the connection is closed.
+        """Wait until the robots have received the end, before the connection is closed.
 
-        One that is frozen never will; whoever waits for this world has the same patience, and is
-        not to lose it first.
+        A frozen robot never will. The program that waits for this world waits as long as this world
+        for robots, so half of that is left for it.
         """
         info = robot_key(self.core.run, "*", "about")
         s_max = min(self.options.answer_s_max / 2.0, FLUSH_S_MAX)
@@ -227,9 +227,9 @@ class Server:
             if isinstance(self.core, RealTimeWorldCore)
             else LockStepWatch(
                 options.answer_s_max,
+                now_s,
                 self._resumed_tick,
                 max(options.answer_s_max, options.join_s_max),
-                now_s,
             )
         )
         return RunWatch(

@@ -27,7 +27,7 @@ from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
 from encircle.world.arena.dynamics import COAST_TICKS
 from encircle.world.arena.engine import build
-from encircle.world.coordinator.membership import DepartureCause
+from encircle.world.coordinator.membership import Departure, DepartureCause
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.loading.load import load
 from encircle.world.recording.recording import read_recording
@@ -399,3 +399,19 @@ def test_a_run_with_crashes_over_zenoh_is_the_run_in_memory():
     assert apart.result.departures == together.result.departures
     assert len(apart.result.departures) == 5
     assert apart.result.refused == {}
+
+
+@pytest.mark.parametrize(
+    ("departure", "text"),
+    [
+        (Departure(3, "r1", DepartureCause.GONE), "lost: it is gone"),
+        (Departure(3, "r1", DepartureCause.NO_ANSWER, "for 3 s"), "lost: no answer for 3 s"),
+        (Departure(3, "r1", DepartureCause.CRASH), "lost: a crash in the scenario"),
+        (Departure(3, "r1", DepartureCause.NOT_RETURNED), "lost: it did not come back"),
+        (Departure(3, "r1", DepartureCause.BEFORE_RESUMING), "lost: before the run was resumed"),
+        (Departure(3, "r1", DepartureCause.BACK), "back"),
+    ],
+)
+def test_the_texts_of_departures_are_those_that_files_have(departure, text):
+    assert departure.text == text
+    assert departure.row == (3, "r1", text)

@@ -7,16 +7,8 @@ from helpers_real_time import EPOCH_US, Simulated, by_clock
 
 from encircle.protocol.messages import Radio
 from encircle.world.network.message_ledger import MessageLedger
-from encircle.world.network.transport import (
-    SETTLE_S,
-    clock,
-    delay_refusal,
-    injected,
-    links_of,
-    offsets_of,
-    report,
-    transits_of,
-)
+from encircle.world.network.transits import SETTLE_S, offsets_of, transits_of
+from encircle.world.network.transport import clock, delay_refusal, injected, links_of, report
 
 
 @pytest.fixture(scope="module")
