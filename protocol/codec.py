@@ -73,7 +73,7 @@ def encode(message: Message, run: str) -> bytes:
 
 
 def encode_any_length(message: Message, run: str) -> bytes:
-    """As ``encode``, of any length: a message that came in otherwise packed may grow."""
+    """As ``encode``, of any length: a message that its sender packed differently may be longer."""
     layout = _LAYOUTS[type(message)]
     body = dict(zip(layout.names, (VERSION, run, *layout.values(message)), strict=True))
     if layout.defaults:
@@ -93,7 +93,7 @@ def body_of(payload: bytes, run: str) -> bytes:
 
 
 def begins_canonically(kind: type[Any], payload: bytes, run: str) -> bool:
-    """Whether version and run come first, in the shortest form: senders may do otherwise."""
+    """Whether version and run come first, in the shortest form. Not all senders do that."""
     return payload.startswith(_headers(kind, run))  # type: ignore[arg-type]  # types are hashable
 
 
@@ -109,7 +109,7 @@ def _headers(kind: type[Any], run: str) -> tuple[bytes, ...]:
 def decode_pose(payload: bytes, run: str) -> Pose:
     """As ``decode(Pose, ...)``, remembered: one packet has many receivers in one process.
 
-    A robot opens one packet per peer and tick, so a packet just like ours takes a short way.
+    A robot decodes one packet per peer and tick, so there is a quick way for packets like ours.
     """
     pose = _decoded_poses.get((payload, run))
     if pose is None:
@@ -119,7 +119,7 @@ def decode_pose(payload: bytes, run: str) -> Pose:
 
 
 def remember_pose(pose: Pose, payload: bytes, run: str) -> None:
-    """Spare this process the decoding of what it has just encoded."""
+    """Remember a pose that this process has encoded itself, so that it need not decode it."""
     if len(_decoded_poses) >= DECODED_POSES_MAX:
         _decoded_poses.clear()
     _decoded_poses[payload, run] = pose
@@ -204,7 +204,7 @@ def decode(kind: type[M], payload: bytes, run: str) -> M:
 
 
 def _check_bulk(payload: bytes) -> None:
-    """Refuse an observation that is long by anything but packets, without unpacking it."""
+    """Refuse, without unpacking it, an observation that is long for another reason than packets."""
     try:
         packets = bytes_in_list(
             payload, "inbox", PACKET_BYTES_MIN, len(_LAYOUTS[Observation].names)
