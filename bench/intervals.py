@@ -15,7 +15,7 @@ from rich.table import Table
 from scipy import stats
 
 from encircle.statistics.comparisons import bounded_mean, rate_difference
-from encircle.statistics.intervals import Floats, Interval, mean, restricted_mean_ticks
+from encircle.statistics.intervals import Floats, Interval, bootstrap_mean, restricted_mean_time
 
 STUDIES = 2000
 STUDIES_BOOTSTRAP = 400
@@ -56,15 +56,15 @@ def joined(a: Floats, b: Floats) -> Interval:
 
 Candidate = Callable[[Floats, Floats], Interval]
 OF_A_CELL: dict[str, Candidate] = {
-    "bootstrap (BCa)": lambda _a, b: mean(b),
+    "bootstrap (BCa)": lambda _a, b: bootstrap_mean(b),
     "Student": lambda _a, b: student(b),
     "Student, Clopper-Pearson, Bonferroni": bonferroni,
-    "Student, Wilson, joined (chosen)": lambda _a, b: restricted_mean_ticks(
+    "Student, Wilson, joined (chosen)": lambda _a, b: restricted_mean_time(
         b, b < TICKS_MAX, TICKS_MAX
     ),
 }
 OF_A_DIFFERENCE: dict[str, Candidate] = {
-    "bootstrap (BCa)": lambda a, b: mean(b - a),
+    "bootstrap (BCa)": lambda a, b: bootstrap_mean(b - a),
     "Student": lambda a, b: student(b - a),
     "Student, Newcombe, joined": joined,
     "Student of two pairs more (chosen)": lambda a, b: bounded_mean(b - a, TICKS_MAX),

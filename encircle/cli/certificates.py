@@ -36,7 +36,11 @@ def main(arguments: Sequence[str], program: str) -> int:
     )
     settings = options.parse(arguments)
     try:
-        from encircle.network.certificates import CertificateError, describe, make_certificates
+        from encircle.network.certificates import (
+            CertificateError,
+            describe_certificates,
+            make_certificates,
+        )
     except ModuleNotFoundError as error:
         say_error(f"encircle: certificates need {error.name}: pip install 'encircle[security]'")
         return 2
@@ -45,5 +49,5 @@ def main(arguments: Sequence[str], program: str) -> int:
     except CertificateError as error:
         say_error(f"encircle: {error}")
         return 2
-    say(*describe(made).split("\n"))
+    say(*describe_certificates(made).split("\n"))
     return 0

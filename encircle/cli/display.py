@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from encircle.network.transport import visible
+from encircle.network.transport_tables import plain_text
 from encircle.progress import PERIOD_S
 from encircle.protocol.endings import is_failure
 from encircle.protocol.process.log import printable
@@ -109,13 +109,13 @@ class Display:
     def show_result(self, hunt: Hunt, directory: Path, figure: Path) -> None:
         """The short table at the end, on standard output."""
         result, tick_s = hunt.result, hunt.scenario.tick_s
-        title = visible(hunt.scenario.title) if hunt.scenario.title else None
+        title = plain_text(hunt.scenario.title) if hunt.scenario.title else None
         table = Table(title=title, show_header=False, title_justify="left")
         table.add_column(style="bold")
         table.add_column()
 
         def add(what: str, value: str) -> None:
-            table.add_row(what, visible(value))
+            table.add_row(what, plain_text(value))
 
         if result.capture_tick is not None:
             outcome = f"at tick {result.capture_tick} ({result.capture_tick * tick_s:.1f} s)"

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 
 from encircle.cli.display import Display
-from encircle.network.transport import SHOWN_MAX, show
+from encircle.network.transport_tables import LINKS_SHOWN_MAX, print_transport_report
 from encircle.protocol.process.interrupts import Interrupted, exit_message, signals_held
 from encircle.protocol.process.log import say, say_error
 from encircle.runner.hunts import Hunt, check_link, default_directory, resume, run
@@ -72,7 +72,7 @@ def _load(request: HuntRequest) -> Scenario:
 
 def _picture(directory: Path) -> bytes:
     # Imported after the hunt: the robots need not wait for the plotting library.
-    from encircle.figures.figures import picture_of_run
+    from encircle.figures.run_figures import picture_of_run
 
     return picture_of_run(directory)
 
@@ -81,7 +81,7 @@ def show_transport(directory: Path) -> None:
     """What the network did in a run by the clock, from its summary."""
     summary = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
     if "transport" in summary:
-        show(summary["transport"], Console(), SHOWN_MAX)
+        print_transport_report(summary["transport"], Console(), LINKS_SHOWN_MAX)
 
 
 def hunt_and_draw(

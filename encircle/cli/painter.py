@@ -69,7 +69,7 @@ def _paint(asked: int, answer: int) -> NoReturn:
         signal.signal(number, signal.SIG_DFL)
     try:
         from encircle.figures.drawing import warm_up
-        from encircle.figures.figures import picture_of_run
+        from encircle.figures.run_figures import picture_of_run
 
         warm_up()
         with open(asked, "rb") as request:

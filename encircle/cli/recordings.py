@@ -85,14 +85,15 @@ def transport_main(arguments: Sequence[str], program: str) -> int:
     # Imported late: a mistyped command need not wait for tables.
     from rich.console import Console
 
-    from encircle.network.transport import ledger_of, show
+    from encircle.network.recorded_ledger import ledger_of
+    from encircle.network.transport_tables import print_transport_report
     from encircle.world.network.transport import report
 
     links = report(ledger_of(_read(settings.run)))
     if settings.json:
         say(json.dumps(links))
     else:
-        show(links, Console())
+        print_transport_report(links, Console())
     return 0
 
 
@@ -112,10 +113,10 @@ def trace_main(arguments: Sequence[str], program: str) -> int:
     )
     settings = options.parse(arguments)
     # Imported late: a mistyped command need not wait for the recording's reader.
-    from encircle.network.tracing import check_target, trace_of, write_trace
+    from encircle.network.tracing import check_trace_path, trace_of, write_trace
 
     out = settings.out
-    check_target(out)
+    check_trace_path(out)
     trace = trace_of(_read(settings.run))
     write_trace(trace, out)
     lost = sum(row.lost for row in trace.rows)

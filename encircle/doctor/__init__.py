@@ -1,1 +1,1 @@
-"""``encircle doctor``: what is wrong with this machine, a network, or a run."""
+"""``encircle doctor``: checks of this machine and of a run's network, each with advice."""

@@ -1,9 +1,10 @@
-"""``encircle doctor``: look at this machine and at a run's network, and say what to do.
+"""``encircle doctor``: check this machine and a run's network, and say what to do.
 
-It asks what can go wrong, in the order in which it would: what is installed, memory and disk, ports
-to listen on, endpoints to connect to, who of a run is there, whether all speak one version, how far
-apart the clocks are. It takes no part in a run and changes nothing. Every step is bounded in time,
-also those whose library is not, such as a name server's answer.
+The checks come in the order in which a start can fail: installed packages, memory and disk, ports
+to listen on, endpoints to connect to, which nodes of a run are there, whether all have one protocol
+version, how far apart their clocks are. The doctor takes no part in a run and changes nothing.
+Every check has a time limit. Some library calls have none of their own, such as the lookup of a
+host name, so checks of the network run in a thread that can be left behind.
 """
 
 import json
@@ -17,9 +18,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from encircle.doctor.machine import CheckResult, machine
-from encircle.doctor.network import connecting_to, exposure, listening_on
-from encircle.doctor.run import nodes
+from encircle.doctor.machine import CheckResult, check_machine
+from encircle.doctor.network import check_connecting, check_exposure, check_listening
+from encircle.doctor.run import check_nodes
 from encircle.protocol.process.log import say
 from encircle.protocol.programs.option_values import name_of, seconds
 from encircle.protocol.programs.options import Options, endpoints_of, identity
@@ -33,33 +34,35 @@ from encircle.protocol.zenoh.endpoints import (
 
 CHECK_S_MAX = 3.0
 ASKING_S_MAX = 30.0
-"""How long the parties of a run are asked altogether, on top of the time for one check."""
+"""Time limit for queries to all nodes of a run, in addition to the time for one check."""
 RUNS = Path("runs")
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "encircle doctor") -> int:
-    """Examine, and print what was found; returns 0 if all is well, 1 if something is wrong."""
+    """Run the checks and print their results; returns 0 if all is well, 1 if something is wrong."""
     options = _options(program)
-    found = options.parse(arguments)
-    if found.robot is not None and found.run is None:
-        options.error(f"--robot {found.robot}: its --run is missing")
-    networked = found.connect or found.listen or found.zenoh_config
-    if found.run is not None and not networked:
-        options.error(f"--run {found.run}: where? Give --connect, --listen or --zenoh-config")
-    examination = _Examination(found.check_timeout)
+    settings = options.parse(arguments)
+    if settings.robot is not None and settings.run is None:
+        options.error(f"--robot {settings.robot}: its --run is missing")
+    networked = settings.connect or settings.listen or settings.zenoh_config
+    if settings.run is not None and not networked:
+        options.error(f"--run {settings.run}: where? Give --connect, --listen or --zenoh-config")
+    examination = _Examination(settings.check_timeout)
     try:
-        # Without certificates at first: those that will not do are a finding, not a wrong usage.
-        plain = Namespace(**(vars(found) | {"certificates": None}))
-        where = endpoints_of(plain, found.check_timeout) if networked else None
-        examination.findings += machine(found.runs or RUNS, found.runs is not None)
-        if where is not None:
-            _network(examination, where, found)
+        # First without certificates: unusable ones are a result of a check, not wrong usage.
+        without_certificates = Namespace(**(vars(settings) | {"certificates": None}))
+        endpoints = (
+            endpoints_of(without_certificates, settings.check_timeout) if networked else None
+        )
+        examination.results += check_machine(settings.runs or RUNS, settings.runs is not None)
+        if endpoints is not None:
+            _check_network(examination, endpoints, settings)
     except ConfigurationError as error:
         options.error(str(error))
     status = 0 if examination.well else 1
-    say(*([as_json(examination)] if found.json else as_lines(examination)))
+    say(*([as_json(examination)] if settings.json else as_lines(examination)))
     if examination.stuck:
-        # What still waits somewhere in a library must not keep this process.
+        # A thread that still waits in a library must not keep this process alive.
         os._exit(status)
     return status
 
@@ -82,87 +85,95 @@ def _options(program: str) -> Options:
 
 
 class _Examination:
-    """What was found so far, and whether some step has not come back."""
+    """The results so far, and whether some check has not ended."""
 
     def __init__(self, s_max: float) -> None:
         self.s_max = s_max
-        self.findings: list[CheckResult] = []
+        self.results: list[CheckResult] = []
         self.stuck = False
 
     @property
     def well(self) -> bool:
-        return all(finding.level != "wrong" for finding in self.findings)
+        """Whether no result is wrong."""
+        return all(finding.level != "wrong" for finding in self.results)
 
     def add(
         self,
         check: str,
-        what: str,
-        look: Callable[..., list[CheckResult]],
+        subject: str,
+        examine: Callable[..., list[CheckResult]],
         *arguments: Any,
         more_s: float = 0.0,
     ) -> list[CheckResult]:
-        """Add, and return, what a step finds, or that it did not end."""
+        """Run a check with a time limit, store its results and return them.
+
+        A check that does not end gives a result that says so.
+        """
         s_max = 2.0 * self.s_max + more_s
-        found = with_timeout(s_max, partial(look, *arguments))
-        if found is None:
+        results = with_timeout(s_max, partial(examine, *arguments))
+        if results is None:
             self.stuck = True
-            message = f"{what}: no end after {s_max:g} s"
-            found = [
+            message = f"{subject}: no end after {s_max:g} s"
+            results = [
                 CheckResult(check, "wrong", message, "is the network, or its name server, there?")
             ]
-        self.findings += found
-        return found
+        self.results += results
+        return results
 
 
-def _network(examination: _Examination, where: Endpoints, found: Namespace) -> None:
-    """Everything about endpoints, and about those who are behind them."""
+def _check_network(examination: _Examination, endpoints: Endpoints, settings: Namespace) -> None:
+    """Check the endpoints, and the nodes that can be reached there."""
     s_max = examination.s_max
     try:
-        where = replace(where, identity=_identity(found))
+        endpoints = replace(endpoints, identity=_identity(settings))
     except ConfigurationError as error:
-        advice = "docs/security.md says which files each party needs, and how to make them"
-        examination.findings.append(CheckResult("certificates", "wrong", str(error), advice))
+        advice = "docs/security.md says which files each node needs, and how to make them"
+        examination.results.append(CheckResult("certificates", "wrong", str(error), advice))
         return
-    examination.findings += exposure(where)
-    listening, connecting = configured_endpoints(replace(where, without_authentication=True))
+    examination.results += check_exposure(endpoints)
+    listening, connecting = configured_endpoints(replace(endpoints, without_authentication=True))
     busy = [
         loopback_endpoint(endpoint)
         for endpoint in listening
-        if any(f.level != "ok" for f in examination.add("ports", endpoint, listening_on, endpoint))
+        if any(
+            f.level != "ok" for f in examination.add("ports", endpoint, check_listening, endpoint)
+        )
     ]
-    # Who only listens is looked for where it listens, as by ``encircle alive``.
+    # Without endpoints to connect to, connect to those that listen here and are in use.
     reached = [
         endpoint
         for endpoint in connecting or busy
         if not any(
             f.level == "wrong"
-            for f in examination.add("endpoints", endpoint, connecting_to, endpoint, s_max)
+            for f in examination.add("endpoints", endpoint, check_connecting, endpoint, s_max)
         )
     ]
     for endpoint in reached:
-        one = replace(where, listen=(), connect=(endpoint,), mode="client")
-        asking = (one, found.run, found.robot, s_max, ASKING_S_MAX)
-        examination.add("run", endpoint, nodes, *asking, more_s=ASKING_S_MAX)
+        single = replace(endpoints, listen=(), connect=(endpoint,), mode="client")
+        arguments = (single, settings.run, settings.robot, s_max, ASKING_S_MAX)
+        examination.add("run", endpoint, check_nodes, *arguments, more_s=ASKING_S_MAX)
 
 
-def _identity(found: Namespace) -> Identity | None:
-    """On a robot's host its own certificate is there, elsewhere that of an onlooker."""
-    directory, robot = found.certificates, found.robot
+def _identity(settings: Namespace) -> Identity | None:
+    """A robot's own certificate if its key is here, otherwise that of a viewer."""
+    directory, robot = settings.certificates, settings.robot
     own = directory is not None and robot is not None and (directory / f"{robot}.key").exists()
     return identity(directory, robot if own else None)
 
 
-def with_timeout(s_max: float, look: Callable[[], list[CheckResult]]) -> list[CheckResult] | None:
+def with_timeout(
+    s_max: float, examine: Callable[[], list[CheckResult]]
+) -> list[CheckResult] | None:
     """What a function returns, or None if it has not returned after ``s_max`` seconds.
 
-    It then goes on in its thread; whatever it raises is raised here.
+    The function then goes on in its thread. An exception that it raises in time is raised here.
     """
     results: list[list[CheckResult]] = []
     errors: list[BaseException] = []
 
     def run() -> None:
         try:
-            results.append(look())
+            results.append(examine())
         except BaseException as error:
             errors.append(error)
 
@@ -175,19 +186,19 @@ def with_timeout(s_max: float, look: Callable[[], list[CheckResult]]) -> list[Ch
 
 
 def as_json(examination: _Examination) -> str:
-    """One object: whether all is well, and the findings."""
-    findings = [finding._asdict() for finding in examination.findings]
+    """One object: whether all is well, and the results."""
+    findings = [finding._asdict() for finding in examination.results]
     return json.dumps({"well": examination.well, "findings": findings})
 
 
 def as_lines(examination: _Examination) -> list[str]:
-    """A line for each finding, and one below it that says what to do; then the verdict."""
+    """A line for each result, with a line of advice below it if there is any; then the verdict."""
     lines = []
-    for check, level, message, advice in examination.findings:
+    for check, level, message, advice in examination.results:
         lines.append(f"{level:5}  {check}: {message}")
         if advice:
             lines.append(f"       -> {advice}")
-    wrong = sum(level == "wrong" for _, level, _, _ in examination.findings)
+    wrong = sum(level == "wrong" for _, level, _, _ in examination.results)
     verdict = (
         "all is well"
         if not wrong

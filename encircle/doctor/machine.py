@@ -1,8 +1,8 @@
-"""What of this machine a run needs: versions, memory, files, disk, ports, a clock that is kept.
+"""Checks of this machine: versions, memory, open files, disk, processor, clock synchronisation.
 
-Each check looks once, changes nothing that it does not undo, and gives findings: what was found,
-whether that is well, and what to do if not. Limits that a container sets are read where the kernel
-shows them (cgroups, resource limits), because a process is told of them in no other way.
+Each check looks once, changes nothing that it does not undo, and returns results: what it saw,
+whether that is well, and advice if it is not. A container's limits are read from the kernel's files
+(cgroups, resource limits), because a process cannot learn them in another way.
 """
 
 import ctypes
@@ -21,7 +21,7 @@ from encircle.protocol import VERSION
 
 MIB = 1024 * 1024
 NODE_BYTES = 128 * MIB
-"""A robot takes about 100 MiB, a world 85 MiB; more in a big team."""
+"""A robot needs about 100 MiB, a world 85 MiB; more in a big team."""
 DISK_BYTES_MIN = 64 * MIB
 FILES_MIN = 256
 CORES_MIN = 0.5
@@ -35,7 +35,11 @@ Level = Literal["ok", "note", "wrong"]
 
 
 class CheckResult(NamedTuple):
-    """One thing that was looked at. ``advice``: what to do about it; empty if there is no need."""
+    """The result of one check.
+
+    ``check``: what was checked. ``level``: ok, note or wrong. ``said``: what the check saw.
+    ``advice``: what to do, empty if nothing is needed.
+    """
 
     check: str
     level: Level
@@ -43,66 +47,74 @@ class CheckResult(NamedTuple):
     advice: str = ""
 
 
-def machine(runs: Path, runs_named: bool) -> list[CheckResult]:
-    """Everything about this machine; ``runs_named``: the directory was asked for by name."""
+def check_machine(runs: Path, runs_named: bool) -> list[CheckResult]:
+    """All checks of this machine; ``runs_named``: whether the user gave the directory of runs."""
     return [
-        *packages(),
-        memory(),
-        *cores_and_files(),
-        temporary_directory(),
-        runs_directory(runs, runs_named),
-        *kept_clock(),
+        *check_packages(),
+        check_memory(),
+        *check_cores_and_files(),
+        check_temporary_directory(),
+        check_runs_directory(runs, runs_named),
+        *check_clock_service(),
     ]
 
 
-def packages(of: str = "encircle") -> list[CheckResult]:
-    """Python and what is installed, against what the program needs."""
+def check_packages(package: str = "encircle") -> list[CheckResult]:
+    """Whether Python and the installed packages have the versions that the program requires."""
     try:
-        wanted, about = requires(of) or [], metadata(of)
+        requirements, package_metadata = requires(package) or [], metadata(package)
     except PackageNotFoundError:
         advice = "install it into this environment: make setup, or pip install ."
-        return [CheckResult("versions", "wrong", f"{of} is not installed as a package", advice)]
-    found: list[CheckResult] = []
+        return [
+            CheckResult("versions", "wrong", f"{package} is not installed as a package", advice)
+        ]
+    results: list[CheckResult] = []
     python = ".".join(map(str, sys.version_info[:3]))
-    if not within_bounds(python, about["Requires-Python"] or ""):
-        said = f"Python is {python}, needed is {about['Requires-Python']}"
-        found.append(
-            CheckResult("versions", "wrong", said, "make an environment with a newer Python")
+    if not within_bounds(python, package_metadata["Requires-Python"] or ""):
+        message = f"Python is {python}, needed is {package_metadata['Requires-Python']}"
+        results.append(
+            CheckResult("versions", "wrong", message, "make an environment with a newer Python")
         )
-    have = [f"Python {python}", f"{of} {version(of)}", f"wire version {VERSION}"]
-    lacking: dict[str, list[str]] = {}
-    for name, bounds, extra in map(_requirement, wanted):
+    present_versions = [
+        f"Python {python}",
+        f"{package} {version(package)}",
+        f"wire version {VERSION}",
+    ]
+    missing: dict[str, list[str]] = {}
+    for name, bounds, extra in map(_requirement, requirements):
         try:
-            there = version(name)
+            present = version(name)
         except PackageNotFoundError:
-            lacking.setdefault(extra, []).append(name)
+            missing.setdefault(extra, []).append(name)
             continue
-        if not within_bounds(there, bounds):
-            said = f"{name} is {there}, needed is {bounds}"
+        if not within_bounds(present, bounds):
+            message = f"{name} is {present}, needed is {bounds}"
             advice = f"pip install '{name}{bounds}'"
-            found.append(CheckResult("versions", "wrong" if not extra else "note", said, advice))
+            results.append(
+                CheckResult("versions", "wrong" if not extra else "note", message, advice)
+            )
         elif not extra:
-            have.append(f"{name} {there}")
-    for extra, names in lacking.items():
-        said = f"not installed: {', '.join(names)}"
+            present_versions.append(f"{name} {present}")
+    for extra, names in missing.items():
+        message = f"not installed: {', '.join(names)}"
         if extra:
             level: Level = "note"
-            said += f"; only {extra} need it" if extra == "studies" else f"; only for {extra}"
+            message += f"; only {extra} need it" if extra == "studies" else f"; only for {extra}"
         else:
             level = "wrong"
-        advice = f"pip install '{of}[{extra}]'" if extra else f"pip install {' '.join(names)}"
-        found.append(CheckResult("versions", level, said, advice))
-    return [CheckResult("versions", "ok", ", ".join(have)), *found]
+        advice = f"pip install '{package}[{extra}]'" if extra else f"pip install {' '.join(names)}"
+        results.append(CheckResult("versions", level, message, advice))
+    return [CheckResult("versions", "ok", ", ".join(present_versions)), *results]
 
 
-def within_bounds(there: str, bounds: str) -> bool:
-    """Whether a version fulfils bounds such as ``>=1.10,<2``; only its leading numbers count."""
-    return all(_holds(_numbers(there), sign, _numbers(v)) for sign, v in _BOUND.findall(bounds))
+def within_bounds(present: str, bounds: str) -> bool:
+    """Whether a version is within bounds such as ``>=1.10,<2``; only leading numbers count."""
+    return all(_fulfils(_numbers(present), sign, _numbers(v)) for sign, v in _BOUND.findall(bounds))
 
 
-def _holds(there: list[int], sign: str, bound: list[int]) -> bool:
-    size = max(len(there), len(bound))
-    a, b = (numbers + [0] * (size - len(numbers)) for numbers in (there, bound))
+def _fulfils(present: list[int], sign: str, bound: list[int]) -> bool:
+    size = max(len(present), len(bound))
+    a, b = (numbers + [0] * (size - len(numbers)) for numbers in (present, bound))
     return {">=": a >= b, "<=": a <= b, "==": a == b, "<": a < b, ">": a > b}[sign]
 
 
@@ -112,42 +124,47 @@ def _numbers(text: str) -> list[int]:
 
 
 def _requirement(line: str) -> tuple[str, str, str]:
-    """Name, bounds and the extra that a requirement belongs to, which is empty for the program."""
+    """Name, bounds and extra of a requirement; the extra is empty for the program itself."""
     match = _REQUIREMENT.match(line)
     assert match is not None, line
     extra = re.search(r"extra\s*==\s*['\"]([^'\"]+)", match[3] or "")
     return match[1], match[2].strip(), extra[1] if extra else ""
 
 
-def memory(
+def check_memory(
     groups: Path = Path("/sys/fs/cgroup"), meminfo: Path = Path("/proc/meminfo")
 ) -> CheckResult:
-    """Whether there is enough for one more party, by the container's limit or the machine's."""
-    free, whose = _available_bytes(meminfo), "of this machine"
-    for limit, used in (
+    """Whether memory is left for one more node, by the machine's or the container's limit."""
+    free_bytes, owner = _available_bytes(meminfo), "of this machine"
+    for limit_file, usage_file in (
         ("memory.max", "memory.current"),
         ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
     ):
-        most, taken = _number_in(groups / limit), _number_in(groups / used)
-        if most is not None and taken is not None and most < NO_LIMIT_BYTES:
-            left = max(0, most - taken)
-            if free is None or left < free:
-                free, whose = left, f"of the {most // MIB} MiB that this container may use"
-    if free is None:
+        limit_bytes, used_bytes = _number_in(groups / limit_file), _number_in(groups / usage_file)
+        if limit_bytes is not None and used_bytes is not None and limit_bytes < NO_LIMIT_BYTES:
+            left_bytes = max(0, limit_bytes - used_bytes)
+            if free_bytes is None or left_bytes < free_bytes:
+                free_bytes, owner = (
+                    left_bytes,
+                    f"of the {limit_bytes // MIB} MiB that this container may use",
+                )
+    if free_bytes is None:
         return CheckResult("memory", "note", "nothing says how much there is")
-    said = f"{free // MIB} MiB {whose} are free"
-    if free < NODE_BYTES:
+    message = f"{free_bytes // MIB} MiB {owner} are free"
+    if free_bytes < NODE_BYTES:
         advice = "raise the limit (mem_limit, docker run --memory) or end what else runs here"
-        return CheckResult("memory", "wrong", f"{said}, a robot needs {NODE_BYTES // MIB}", advice)
-    return CheckResult("memory", "ok", said)
+        return CheckResult(
+            "memory", "wrong", f"{message}, a robot needs {NODE_BYTES // MIB}", advice
+        )
+    return CheckResult("memory", "ok", message)
 
 
 def _available_bytes(meminfo: Path) -> int | None:
     try:
-        found = re.search(r"^MemAvailable:\s+(\d+) kB", meminfo.read_text(), re.MULTILINE)
+        line = re.search(r"^MemAvailable:\s+(\d+) kB", meminfo.read_text(), re.MULTILINE)
     except OSError:
         return None
-    return int(found[1]) * 1024 if found else None
+    return int(line[1]) * 1024 if line else None
 
 
 def _number_in(path: Path) -> int | None:
@@ -158,30 +175,30 @@ def _number_in(path: Path) -> int | None:
     return int(text) if text.isdigit() else None
 
 
-def cores_and_files(groups: Path = Path("/sys/fs/cgroup")) -> list[CheckResult]:
-    """How much of the processor there is, and how many files may be open."""
+def check_cores_and_files(groups: Path = Path("/sys/fs/cgroup")) -> list[CheckResult]:
+    """How many processors this process may use, and how many files it may open."""
     cores = float(len(os.sched_getaffinity(0)))
     try:
         quota, period = (groups / "cpu.max").read_text().split()
         cores = min(cores, int(quota) / int(period))
     except (OSError, ValueError):
         pass  # no limit, or none that is shown here
-    found = [CheckResult("cores", "ok", f"{cores:g}")]
+    results = [CheckResult("cores", "ok", f"{cores:g}")]
     if cores < CORES_MIN:
         advice = "allow it more (cpus, docker run --cpus), or allow the run more time to answer"
-        found = [CheckResult("cores", "note", f"only {cores:g}: rounds will take long", advice)]
+        results = [CheckResult("cores", "note", f"only {cores:g}: rounds will take long", advice)]
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     if 0 <= files < FILES_MIN:
-        said = f"only {files} files may be open, {FILES_MIN} are needed"
+        message = f"only {files} files may be open, {FILES_MIN} are needed"
         advice = "raise the limit: ulimit -n, or ulimits in the compose file"
-        found.append(CheckResult("files", "wrong", said, advice))
-    return found
+        results.append(CheckResult("files", "wrong", message, advice))
+    return results
 
 
-def temporary_directory() -> CheckResult:
-    """Whether there is one that can be written to: ``encircle run`` keeps the scenario there."""
+def check_temporary_directory() -> CheckResult:
+    """Whether temporary files can be written; ``encircle run`` stores the scenario in one."""
     try:
-        # It never has a name, so nothing is left however this ends.
+        # The file has no name, so nothing is left behind even if the process is killed.
         with tempfile.TemporaryFile() as file:
             file.write(bytes(4096))
             file.flush()
@@ -194,21 +211,21 @@ def temporary_directory() -> CheckResult:
     return CheckResult("temporary files", "ok", f"{where} can be written")
 
 
-def runs_directory(path: Path, named: bool) -> CheckResult:
-    """Whether runs can be recorded there: permission and room. It is not made if it is not there.
+def check_runs_directory(path: Path, named: bool) -> CheckResult:
+    """Whether runs can be recorded in a directory: permission and free space. It is not created.
 
-    ``named``: if it was not, a directory that cannot be used is only worth a note: a robot records
-    nothing.
+    ``named``: whether the user gave the directory. If not, a directory that cannot be used is
+    only a note, because a robot records nothing.
     """
-    place = path.absolute()
-    while not place.exists() and place != place.parent:
-        place = place.parent
+    existing = path.absolute()
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
     level: Level = "wrong" if named else "note"
     try:
-        if not place.is_dir():
+        if not existing.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
-        with tempfile.TemporaryFile(dir=place):
-            free = shutil.disk_usage(place).free
+        with tempfile.TemporaryFile(dir=existing):
+            free = shutil.disk_usage(existing).free
     except OSError as error:
         advice = (
             "matters to a world alone: give its user the directory (ENCIRCLE_UID, ENCIRCLE_GID in"
@@ -216,28 +233,28 @@ def runs_directory(path: Path, named: bool) -> CheckResult:
         )
         return CheckResult("recordings", level, f"{path} cannot be used: {error.strerror}", advice)
     if free < DISK_BYTES_MIN:
-        said = f"{path}: only {free // MIB} MiB are free"
-        return CheckResult("recordings", level, said, "make room, or record elsewhere by --runs")
+        message = f"{path}: only {free // MIB} MiB are free"
+        return CheckResult("recordings", level, message, "make room, or record elsewhere by --runs")
     return CheckResult("recordings", "ok", f"{path} can be written, {free // MIB} MiB are free")
 
 
-def kept_clock() -> list[CheckResult]:
-    """Whether the kernel knows that something keeps this machine's clock right."""
+def check_clock_service() -> list[CheckResult]:
+    """Whether a time service keeps this machine's clock right, as far as the kernel knows."""
     synchronised = is_synchronised()
     if synchronised is None:
         return []
     if synchronised:
         return [CheckResult("clock", "ok", "this machine's clock is kept by a time service")]
-    said = "nothing keeps this machine's clock right, as far as its kernel knows"
+    message = "nothing keeps this machine's clock right, as far as its kernel knows"
     advice = (
         'matters to radio = "direct" on several hosts, and to certificates: run a time service,'
         " chrony for instance, on each host (a container has its host's clock)"
     )
-    return [CheckResult("clock", "note", said, advice)]
+    return [CheckResult("clock", "note", message, advice)]
 
 
 def is_synchronised() -> bool | None:
-    """What ``adjtimex`` says, asked only and not told anything; None if it says nothing."""
+    """Whether ``adjtimex`` reports a synchronised clock; None if it reports nothing."""
     if sys.platform != "linux" or sys.maxsize < 2**32:
         return None
     buffer = ctypes.create_string_buffer(_TIMEX_BYTES)  # modes = 0: change nothing

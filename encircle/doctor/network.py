@@ -1,8 +1,8 @@
-"""What a party's endpoints need: addresses to listen on, and somebody there to connect to.
+"""Checks of a node's endpoints: can it listen there, and does something answer there.
 
-Endpoints by host and port are tried as plain sockets first, because the network's own answers
-(no such name, refused, no answer) tell more than a session that could not be opened. Then a Zenoh
-session is tried by ``encircle.doctor.run``, which alone shows certificates that are refused.
+Endpoints with host and port are tried as plain sockets first, because the network's own errors (no
+such name, refused, no answer) are clearer than that of a Zenoh session. Then
+``encircle.doctor.run`` tries a Zenoh session, which alone shows whether certificates are accepted.
 """
 
 import errno
@@ -27,27 +27,29 @@ PROCESSES_MAX = 65_536
 COMMAND_CHARACTERS_MAX = 120
 PACKAGES = ("agents", "encircle", "protocol", "world")
 PROGRAM_WORDS = 2
-"""A script is the second word, behind its interpreter."""
-_LISTENING = "0A"
-KIND = "not of a kind that can be tried"
+"""A script's path is the second word of its command, after the interpreter."""
+_TCP_LISTEN_STATE = "0A"
+UNTESTABLE = "not of a kind that can be tried"
 
 
-def exposure(where: Endpoints) -> list[CheckResult]:
-    """Whether others can reach what listens, and nothing says who they are."""
+def check_exposure(endpoints: Endpoints) -> list[CheckResult]:
+    """Whether other hosts can reach a listening endpoint without authentication."""
     advice = "use certificates (docs/security.md), or let a firewall say who reaches the port"
     try:
-        message = warning(where)
+        message = warning(endpoints)
     except ConfigurationError as error:
         return [CheckResult("access", "wrong", str(error), advice)]
     return [CheckResult("access", "note", message, advice)] if message is not None else []
 
 
-def listening_on(endpoint: str) -> list[CheckResult]:
-    """Whether a party could listen there now."""
+def check_listening(endpoint: str) -> list[CheckResult]:
+    """Whether a node could listen on an endpoint now."""
     protocol = endpoint.partition("/")[0]
     if protocol not in NETWORK_PROTOCOLS:
         return [
-            CheckResult("ports", "note", f"{endpoint}: {KIND}", "try a session by encircle alive")
+            CheckResult(
+                "ports", "note", f"{endpoint}: {UNTESTABLE}", "try a session by encircle alive"
+            )
         ]
     host, port = host_and_port(endpoint)
     datagrams = protocol in DATAGRAMS
@@ -55,11 +57,11 @@ def listening_on(endpoint: str) -> list[CheckResult]:
     if error is None:
         return [CheckResult("ports", "ok", f"{endpoint} is free to listen on")]
     if error.errno == errno.EADDRINUSE:
-        who = None if datagrams else listener_on(port)
-        message = f"{endpoint} is in use by {who or 'a process that does not show'}"
-        advice = "well if that is the party in question; another needs another port"
-        ours = who is not None and is_ours(who.partition(": ")[2].split())
-        return [CheckResult("ports", "note" if ours else "wrong", message, advice)]
+        process = None if datagrams else listener_on(port)
+        message = f"{endpoint} is in use by {process or 'a process that does not show'}"
+        advice = "this is well if it is the node that you mean; any other node needs another port"
+        is_ours = process is not None and is_encircle_command(process.partition(": ")[2].split())
+        return [CheckResult("ports", "note" if is_ours else "wrong", message, advice)]
     advice = "see which addresses this host has: ip address"
     if isinstance(error, socket.gaierror):
         advice = "use an address, or put the name into DNS or /etc/hosts"
@@ -68,12 +70,14 @@ def listening_on(endpoint: str) -> list[CheckResult]:
     elif error.errno == errno.EACCES and port <= PRIVILEGED_PORT_MAX:
         advice = f"ports up to {PRIVILEGED_PORT_MAX} are for root: take a higher one"
     return [
-        CheckResult("ports", "wrong", f"{endpoint} cannot be listened on: {_words(error)}", advice)
+        CheckResult(
+            "ports", "wrong", f"{endpoint} cannot be listened on: {_error_text(error)}", advice
+        )
     ]
 
 
-def connecting_to(endpoint: str, s_max: float) -> list[CheckResult]:
-    """Whether something answers there."""
+def check_connecting(endpoint: str, s_max: float) -> list[CheckResult]:
+    """Whether something answers on an endpoint."""
     protocol, _, rest = endpoint.partition("/")
     if protocol == "unixsock-stream":
         there = Path(rest).is_socket()
@@ -81,12 +85,12 @@ def connecting_to(endpoint: str, s_max: float) -> list[CheckResult]:
             return [CheckResult("endpoints", "ok", f"{endpoint} is there")]
         message = f"{endpoint}: there is no such socket"
         return [
-            CheckResult("endpoints", "wrong", message, "start the party that is to listen there")
+            CheckResult("endpoints", "wrong", message, "start the node that should listen there")
         ]
     if protocol not in NETWORK_PROTOCOLS:
         return [
             CheckResult(
-                "endpoints", "note", f"{endpoint}: {KIND}", "try a session by encircle alive"
+                "endpoints", "note", f"{endpoint}: {UNTESTABLE}", "try a session by encircle alive"
             )
         ]
     host, port = host_and_port(endpoint)
@@ -96,7 +100,7 @@ def connecting_to(endpoint: str, s_max: float) -> list[CheckResult]:
             return [CheckResult("endpoints", "ok", f"{endpoint}: {host} is {address[0]}")]
         socket.create_connection((host, port), timeout=s_max).close()
     except OSError as error:
-        message = f"{endpoint} cannot be reached: {_words(error)}"
+        message = f"{endpoint} cannot be reached: {_error_text(error)}"
         return [CheckResult("endpoints", "wrong", message, _advice(error, host))]
     return [CheckResult("endpoints", "ok", f"{endpoint} answers")]
 
@@ -117,14 +121,14 @@ def _advice(error: OSError, host: str) -> str:
     return "see that host and port are right"
 
 
-def is_ours(command: Sequence[str]) -> bool:
-    """Whether a command, by its words, is one of this project's."""
+def is_encircle_command(command: Sequence[str]) -> bool:
+    """Whether a command line, given as words, is one of this project's programs."""
     modules = [module for flag, module in pairwise(command) if flag == "-m"]
     own = any(module.partition(".")[0] in PACKAGES for module in modules)
     return own or any(Path(word).name == "encircle" for word in command[:PROGRAM_WORDS])
 
 
-def _words(error: OSError) -> str:
+def _error_text(error: OSError) -> str:
     if isinstance(error, TimeoutError):
         return "no answer"
     if isinstance(error, socket.gaierror):
@@ -133,13 +137,13 @@ def _words(error: OSError) -> str:
 
 
 def can_bind(kind: socket.SocketKind, host: str, port: int) -> OSError | None:
-    """Why this process cannot listen there; None if it can."""
+    """The error if this process cannot listen on a port; None if it can."""
     try:
         family, _, _, _, address = socket.getaddrinfo(
             host, port, type=kind, flags=socket.AI_NUMERICSERV
         )[0]
         with socket.socket(family, kind) as probe:
-            # As Zenoh does: connections that have just been closed do not keep the port.
+            # Zenoh sets this option too. Without it recently closed connections block the port.
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(address)
             if kind == socket.SOCK_STREAM:
@@ -150,14 +154,14 @@ def can_bind(kind: socket.SocketKind, host: str, port: int) -> OSError | None:
 
 
 def listener_on(port: int, proc: Path = Path("/proc")) -> str | None:
-    """The process that listens on a TCP port, as ``PID 12: COMMAND``; None if it cannot be known.
+    """The process that listens on a TCP port, as ``PID 12: COMMAND``; None if it is not known.
 
-    Other users' processes and those outside a container do not show.
+    Processes of other users and processes outside this container cannot be seen.
     """
     inodes = {f"socket:[{inode}]" for inode in _listening_inodes(port, proc)}
     numbers = sorted(int(path.name) for path in proc.iterdir() if path.name.isdigit())
     for number in numbers[:PROCESSES_MAX] if inodes else ():
-        if any(link in inodes for link in _links_in(proc / str(number) / "fd")):
+        if any(link in inodes for link in _symlink_targets(proc / str(number) / "fd")):
             try:
                 words = (proc / str(number) / "cmdline").read_bytes().split(b"\0")
             except OSError:
@@ -167,16 +171,16 @@ def listener_on(port: int, proc: Path = Path("/proc")) -> str | None:
     return None
 
 
-def _links_in(folder: Path) -> Iterable[str]:
+def _symlink_targets(folder: Path) -> Iterable[str]:
     try:
         for path in folder.iterdir():
             yield str(path.readlink())
     except OSError:
-        return  # another user's, or gone meanwhile
+        return  # the process is another user's, or has ended
 
 
 def _listening_inodes(port: int, proc: Path) -> list[str]:
-    found = []
+    inodes = []
     for table in ("tcp", "tcp6"):
         try:
             lines: Sequence[str] = (proc / "net" / table).read_text().splitlines()[1:]
@@ -184,6 +188,6 @@ def _listening_inodes(port: int, proc: Path) -> list[str]:
             continue
         for line in lines:
             fields = line.split()
-            if fields[3] == _LISTENING and int(fields[1].rpartition(":")[2], 16) == port:
-                found.append(fields[9])
-    return found
+            if fields[3] == _TCP_LISTEN_STATE and int(fields[1].rpartition(":")[2], 16) == port:
+                inodes.append(fields[9])
+    return inodes

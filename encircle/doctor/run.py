@@ -1,9 +1,9 @@
-"""Who of a run is there, whether all speak one version, and how far apart the clocks are.
+"""Checks of a run's nodes: which are there, do versions agree, how far apart are clocks.
 
-Parties are found by their liveliness tokens, as they find each other, and then asked what they are
-(``encircle.protocol.zenoh.node_info``) and what their clocks show (``encircle.protocol.clocks``).
-What answers nothing of that sort, such as a robot of other make, is listened to for a moment,
-because every message says of which version of the wire it is.
+Nodes are found by their liveliness tokens, in the way that they find each other. Then each is asked
+for its node information (``encircle.protocol.zenoh.node_info``), and its clock offset is measured
+(``encircle.protocol.clocks``). A node may not answer, such as a robot that is not of this program.
+Then one of its messages is received, because every message holds the protocol version.
 """
 
 import time
@@ -24,31 +24,31 @@ from encircle.protocol.zenoh.node_info import ROUTER_KEY, NodeInfo, decode_info,
 from encircle.protocol.zenoh.queries import first_messages, query
 from encircle.protocol.zenoh.session import closing, has_neighbours, open_session
 
-ASKED_TIMES = 8
-ASKED_S_MAX = 1.0
-"""A party that is slow to answer is not asked again and again: it has something else to do."""
-LISTENING_S = 0.5
-OFFSET_US_NOTED, OFFSET_US_WRONG = 10e3, 1e6
-SHOWN_MAX = 32
+QUERIES_PER_NODE = 8
+QUERY_S_MAX = 1.0
+"""Time limit for repeated queries to one node: a slow node is busy with the run."""
+LISTEN_S = 0.5
+OFFSET_US_NOTE, OFFSET_US_WRONG = 10e3, 1e6
+NAMES_SHOWN_MAX = 32
 ANSWER_BYTES_MAX = 1024 * 1024
 
 
 class _NodeReply(NamedTuple):
-    """What a party said of itself, if it did, and the exchange that tells most of its clock."""
+    """A node's information, and the clock exchange with the smallest error bound."""
 
     info: NodeInfo
     clock: Exchange
 
 
-def nodes(
-    where: Endpoints, run: str | None, robot: str | None, s_max: float, asking_s_max: float
+def check_nodes(
+    endpoints: Endpoints, run: str | None, robot: str | None, s_max: float, asking_s_max: float
 ) -> list[CheckResult]:
-    """Who can be seen from a session there, of a run or of all runs, and what they say.
+    """Check the nodes that a session there sees, of one run or of all.
 
-    ``s_max``: for each answer; ``asking_s_max``: for all of them.
+    ``s_max``: time limit for each answer. ``asking_s_max``: time limit for all of them.
     """
     try:
-        session = open_session(where)
+        session = open_session(endpoints)
     except ConnectionFailed as error:
         advice = (
             "something answers there, but lets no Zenoh session in: see that it is a router or a"
@@ -60,33 +60,35 @@ def nodes(
     with closing(session):
         if not has_neighbours(session):
             return [
-                CheckResult("session", "wrong", f"{where}: nobody is connected", "try once more")
+                CheckResult(
+                    "session", "wrong", f"{endpoints}: nobody is connected", "try once more"
+                )
             ]
-        found = [CheckResult("session", "ok", f"{where} lets a session in")]
-        keys = _tokens(session, run, robot, s_max)
-        there = _by_run(keys)
-        found += _presence(there, run, robot, where.identity is not None)
-        found += _query_nodes(session, there, s_max, deadline_s)
-    return found
+        results = [CheckResult("session", "ok", f"{endpoints} lets a session in")]
+        keys = _alive_keys(session, run, robot, s_max)
+        nodes_by_run = _nodes_by_run(keys)
+        results += _check_presence(nodes_by_run, run, robot, endpoints.identity is not None)
+        results += _query_nodes(session, nodes_by_run, s_max, deadline_s)
+    return results
 
 
-def _tokens(session: Any, run: str | None, robot: str | None, s_max: float) -> set[str]:
+def _alive_keys(session: Any, run: str | None, robot: str | None, s_max: float) -> set[str]:
     name = run or "*"
     keys = [world_key(name, "alive"), robot_key(name, "*", "alive")]
     if robot is not None:
-        # A robot's certificate shows its own token to a question for that alone.
+        # With a robot's certificate its own token is visible only to a query for that key.
         keys.append(robot_key(name, robot, "alive"))
-    return {found for key in keys for found in alive_keys(session, key, s_max)}
+    return {token for key in keys for token in alive_keys(session, key, s_max)}
 
 
-def _by_run(keys: Iterable[str]) -> dict[str, list[str]]:
-    """The parties of each run, as ``world`` and the robots' ids, in robot order."""
-    found: dict[str, list[str]] = {}
+def _nodes_by_run(keys: Iterable[str]) -> dict[str, list[str]]:
+    """The nodes of each run, as ``world`` and the robots' ids, in robot order."""
+    nodes_by_run: dict[str, list[str]] = {}
     for key in keys:
         with suppress(ProtocolError):
             parsed = parse_key(key)
-            found.setdefault(parsed.run, []).append(parsed.robot or "world")
-    return {run: sorted(found[run], key=_node_order) for run in sorted(found)}
+            nodes_by_run.setdefault(parsed.run, []).append(parsed.robot or "world")
+    return {run: sorted(nodes_by_run[run], key=_node_order) for run in sorted(nodes_by_run)}
 
 
 def _node_order(node: str) -> tuple[int, int, str]:
@@ -95,85 +97,87 @@ def _node_order(node: str) -> tuple[int, int, str]:
     return node != "world", int(number) if is_numbered else len(node), node
 
 
-def _presence(
-    there: Mapping[str, list[str]], run: str | None, robot: str | None, certified: bool
+def _check_presence(
+    nodes_by_run: Mapping[str, list[str]], run: str | None, robot: str | None, certified: bool
 ) -> list[CheckResult]:
-    """Who is there and who is not."""
+    """Which nodes are there and which are missing."""
     if run is None:
-        if not there:
+        if not nodes_by_run:
             return [CheckResult("run", "note", "no run is under way there", "start its world")]
         return [
-            CheckResult("run", "ok", f"run {name}: {_listed(who)}")
-            for name, who in list(there.items())[:SHOWN_MAX]
+            CheckResult("run", "ok", f"run {name}: {_names_text(nodes)}")
+            for name, nodes in list(nodes_by_run.items())[:NAMES_SHOWN_MAX]
         ]
-    who = there.get(run, [])
-    found = [CheckResult("run", "ok", f"run {run}: {_listed(who)}")] if who else []
-    if "world" not in who:
+    nodes = nodes_by_run.get(run, [])
+    results = [CheckResult("run", "ok", f"run {run}: {_names_text(nodes)}")] if nodes else []
+    if "world" not in nodes:
         advice = (
             f"start it with --run {run}, or wait until it has started; or compare the run's name"
             " and the endpoint with the world's"
         )
-        found.append(CheckResult("run", "wrong", f"run {run} has no world there", advice))
-    missing = _missing(who, robot, certified)
+        results.append(CheckResult("run", "wrong", f"run {run} has no world there", advice))
+    missing = _missing_robots(nodes, robot, certified)
     if missing:
         advice = f"is it started, with --run {run}, and can its host reach the same endpoint?"
         message = f"run {run} has no {', '.join(missing)} there"
-        found.append(CheckResult("run", "wrong", message, advice))
-    return found
+        results.append(CheckResult("run", "wrong", message, advice))
+    return results
 
 
-def _missing(who: list[str], robot: str | None, certified: bool) -> list[str]:
-    """Robots that should be there: the one asked for, and those between others."""
+def _missing_robots(nodes: list[str], robot: str | None, certified: bool) -> list[str]:
+    """Robots that should be there: the given one, or those whose number others exceed."""
     if robot is not None:
-        return [robot] if robot not in who else []
+        return [robot] if robot not in nodes else []
     if certified:
-        return []  # a robot's certificate shows it no other robot
-    numbers = [int(node[1:]) for node in who if node[1:].isdigit()]
-    return [f"r{k}" for k in range(1, max(numbers, default=0)) if f"r{k}" not in who]
+        return []  # with a robot's certificate no other robot is visible
+    numbers = [int(node[1:]) for node in nodes if node[1:].isdigit()]
+    return [f"r{k}" for k in range(1, max(numbers, default=0)) if f"r{k}" not in nodes]
 
 
-def _listed(who: list[str]) -> str:
-    more = len(who) - SHOWN_MAX
-    return ", ".join(who[:SHOWN_MAX]) + (f" and {more} more" if more > 0 else "")
+def _names_text(nodes: list[str]) -> str:
+    more = len(nodes) - NAMES_SHOWN_MAX
+    return ", ".join(nodes[:NAMES_SHOWN_MAX]) + (f" and {more} more" if more > 0 else "")
 
 
 def _query_nodes(
-    session: Any, there: Mapping[str, list[str]], s_max: float, deadline_s: float
+    session: Any, nodes_by_run: Mapping[str, list[str]], s_max: float, deadline_s: float
 ) -> list[CheckResult]:
-    """What router and parties say of versions and clocks."""
-    found: list[CheckResult] = []
+    """Query router and nodes for versions and clocks."""
+    results: list[CheckResult] = []
     keys = {"router": ROUTER_KEY}
-    for run, who in there.items():
-        for node in who:
-            name = node if len(there) == 1 else f"{node} of run {run}"
-            own = node == "world"
-            keys[name] = world_key(run, "about") if own else robot_key(run, node, "about")
+    for run, nodes in nodes_by_run.items():
+        for node in nodes:
+            name = node if len(nodes_by_run) == 1 else f"{node} of run {run}"
+            versions_of_us = node == "world"
+            keys[name] = (
+                world_key(run, "about") if versions_of_us else robot_key(run, node, "about")
+            )
     silent = []
     for name, key in keys.items():
         if time.monotonic() > deadline_s:
             message = f"time is up: {name} and those after it were not asked"
-            return [*found, CheckResult("versions", "note", message, "ask for one --run alone")]
+            return [*results, CheckResult("versions", "note", message, "ask for one --run alone")]
         try:
             node_reply = _query_node(session, key, s_max)
         except ProtocolError as error:
             message = f"{name} answers something else: {error}"
-            found.append(CheckResult("versions", "note", message, "is it of the same Encircle?"))
+            results.append(CheckResult("versions", "note", message, "is it of the same Encircle?"))
             continue
         if node_reply is None:
             silent.append(name)
         else:
-            found += [_version(name, node_reply.info), _clock(name, node_reply.clock)]
+            results += [_check_version(name, node_reply.info), _check_clock(name, node_reply.clock)]
     return [
-        *found,
-        *_versions_overheard(session, there, [name for name in silent if name != "router"]),
+        *results,
+        *_versions_overheard(session, nodes_by_run, [name for name in silent if name != "router"]),
     ]
 
 
 def _query_node(session: Any, key: str, s_max: float) -> _NodeReply | None:
-    """Ask a party some times over, for a bounded time; None if it does not answer."""
+    """Query a node several times within a time limit; None if it does not answer."""
     best: _NodeReply | None = None
-    deadline_s = time.monotonic() + ASKED_S_MAX
-    for _ in range(ASKED_TIMES):
+    deadline_s = time.monotonic() + QUERY_S_MAX
+    for _ in range(QUERIES_PER_NODE):
         if best is not None and time.monotonic() > deadline_s:
             break
         answer = query(session, key, s_max)
@@ -187,67 +191,71 @@ def _query_node(session: Any, key: str, s_max: float) -> _NodeReply | None:
     return best
 
 
-def _version(name: str, info: NodeInfo) -> CheckResult:
-    own = versions_here()
+def _check_version(name: str, info: NodeInfo) -> CheckResult:
+    versions_of_us = versions_here()
     theirs = ", ".join(f"{what} {version}" for what, version in info.versions.items())
     if info.wire != VERSION:
         message = f"{name} speaks version {info.wire} of the wire, this is {VERSION} ({theirs})"
         return CheckResult("versions", "wrong", message, "install the same Encircle on every host")
-    if info.versions.get("encircle") != own["encircle"]:
-        message = f"{name} has {theirs}; here it is encircle {own['encircle']}"
+    if info.versions.get("encircle") != versions_of_us["encircle"]:
+        message = f"{name} has {theirs}; here it is encircle {versions_of_us['encircle']}"
         advice = "it should work, but results are only the same with one version on every host"
         return CheckResult("versions", "note", message, advice)
     return CheckResult("versions", "ok", f"{name}: wire version {info.wire}, {theirs}")
 
 
-def _clock(name: str, clock: Exchange) -> CheckResult:
-    off_us, error_us = clock.offset_us, clock.error_us
-    sure_us = abs(off_us) - error_us
-    ahead = "ahead of" if off_us >= 0 else "behind"
+def _check_clock(name: str, clock: Exchange) -> CheckResult:
+    offset_us, error_us = clock.offset_us, clock.error_us
+    certain_us = abs(offset_us) - error_us
+    ahead = "ahead of" if offset_us >= 0 else "behind"
     message = (
-        f"{name}'s is {abs(off_us) / 1e6:.6f} s {ahead} this one, within {error_us / 1e6:.6f} s"
+        f"{name}'s is {abs(offset_us) / 1e6:.6f} s {ahead} this one, within {error_us / 1e6:.6f} s"
     )
-    if sure_us <= OFFSET_US_NOTED:
+    if certain_us <= OFFSET_US_NOTE:
         return CheckResult("clock", "ok", message)
     advice = (
         "run a time service, chrony for instance, on both hosts and let it settle (`chronyc"
         ' tracking`); one-way delays of radio = "direct" and certificates need it, lock-step'
         " does not"
     )
-    return CheckResult("clock", "wrong" if sure_us > OFFSET_US_WRONG else "note", message, advice)
+    return CheckResult(
+        "clock", "wrong" if certain_us > OFFSET_US_WRONG else "note", message, advice
+    )
 
 
 def _versions_overheard(
-    session: Any, there: Mapping[str, list[str]], silent: list[str]
+    session: Any, nodes_by_run: Mapping[str, list[str]], silent: list[str]
 ) -> list[CheckResult]:
-    """The wire's version of those that say nothing of themselves, from what else they say."""
+    """Protocol versions of nodes that do not answer queries, from messages that they publish."""
     if not silent:
         return []
-    found: list[CheckResult] = []
-    heard = {
+    results: list[CheckResult] = []
+    payloads = {
         key: payload
-        for run in there
+        for run in nodes_by_run
         for channel in (world_key(run, "state"), robot_key(run, "*", "command"))
-        for key, payload in first_messages(session, channel, LISTENING_S).items()
+        for key, payload in first_messages(session, channel, LISTEN_S).items()
     }
     versions = {}
-    for key, payload in heard.items():
-        with suppress(Exception):  # whatever a stranger has sent
+    for key, payload in payloads.items():
+        with suppress(Exception):  # a stranger may have sent anything
             body = msgpack.unpackb(payload[:ANSWER_BYTES_MAX])
             versions[parse_key(key).robot or "world"] = body["v"]
     for name in silent:
-        spoken = versions.get(name.partition(" ")[0])
-        if type(spoken) is int and spoken != VERSION:
-            message = f"{name} speaks version {spoken} of the wire, this is {VERSION}"
-            found.append(
+        wire_version = versions.get(name.partition(" ")[0])
+        if type(wire_version) is int and wire_version != VERSION:
+            message = f"{name} speaks version {wire_version} of the wire, this is {VERSION}"
+            results.append(
                 CheckResult("versions", "wrong", message, "install the same Encircle on every host")
             )
-        elif spoken == VERSION:
+        elif wire_version == VERSION:
             message = f"{name} speaks version {VERSION} of the wire and says no more of itself"
-            found.append(CheckResult("versions", "ok", message))
+            results.append(CheckResult("versions", "ok", message))
         else:
             message = (
                 f"{name} says nothing of itself: frozen, of other make, or of an older version"
             )
-            found.append(CheckResult("versions", "note", message, "see there which of these it is"))
-    return found
+            results.append(
+                CheckResult("versions", "note", message, "see there which of these it is")
+            )
+    return results

@@ -1,1 +1,1 @@
-"""Pictures of one hunt."""
+"""Figures of one recorded run: trajectories, snapshots, execution times."""

@@ -1,8 +1,9 @@
-"""What figures are drawn with: looks, frame, trails, bodies, legend entries.
+"""Drawing functions and line styles that the figures of runs share: trails, bodies, legends.
 
-Bodies are drawn to scale. Colours are those of Okabe and Ito, which colour-blind readers can tell
-apart; robots differ in line style, marker and number too, so that nothing is lost in greyscale.
-Legends stand below the axes, where they cannot cover data, and name at most ``NAMED_MAX`` robots.
+Bodies are drawn to scale. The colours are those of Okabe and Ito, which readers with a colour
+vision deficiency can tell apart. Robots also differ in line style, marker and number, so that a
+figure in greyscale shows the same. Legends stand below the axes, where they cover no data, and name
+at most ``NAMED_ROBOTS_MAX`` robots.
 """
 
 from collections.abc import Sequence
@@ -25,15 +26,22 @@ from numpy.typing import NDArray
 from encircle.protocol.messages import Point
 from encircle.runlog.ground_truth import Floats, GroundTruth
 
-NAMED_MAX = 8
+NAMED_ROBOTS_MAX = 8
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-LINES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (6, 2, 1, 2)), (0, (1.5, 1)), (0, (9, 3)), "--")
+LINE_STYLES: tuple[Any, ...] = (
+    "-",
+    (0, (6, 2)),
+    (0, (6, 2, 1, 2)),
+    (0, (1.5, 1)),
+    (0, (9, 3)),
+    "--",
+)
 MARKERS = ("o", "s", "^", "D", "v", "P")
 TARGET_LINE: dict[str, Any] = {"color": "black", "ls": "-", "lw": 1.6}
 RING_LINE: dict[str, Any] = {"color": "0.35", "ls": (0, (1, 1.5)), "lw": 1.2}
-STOP_LINE: dict[str, Any] = {"color": "black", "ls": "-", "lw": 0.6}
-SIGHT_LINE: dict[str, Any] = {"color": "black", "ls": (0, (8, 4)), "lw": 0.5}
-SIGHT_FILL: dict[str, Any] = {"facecolor": "#56B4E91C", "edgecolor": COLOURS[5], "lw": 0.5}
+STOP_DISTANCE_LINE: dict[str, Any] = {"color": "black", "ls": "-", "lw": 0.6}
+TARGET_SENSING_LINE: dict[str, Any] = {"color": "black", "ls": (0, (8, 4)), "lw": 0.5}
+ROBOT_SENSING_FILL: dict[str, Any] = {"facecolor": "#56B4E91C", "edgecolor": COLOURS[5], "lw": 0.5}
 TIME_MARK: dict[str, Any] = {"color": "black", "ls": "", "marker": ".", "ms": 4}
 SILENT_LINE: dict[str, Any] = {"color": "0.78", "ls": "-", "lw": 6.0, "solid_capstyle": "butt"}
 LOST_LINE: dict[str, Any] = {
@@ -46,7 +54,7 @@ LOST_LINE: dict[str, Any] = {
     "mew": 1.8,
 }
 CAPTOR_FILL: dict[str, Any] = {"facecolor": "0.85", "edgecolor": "black", "lw": 1.2}
-HAND_LINE: dict[str, Any] = {"color": "black", "ls": (0, (2, 2)), "lw": 0.9}
+MOVED_BY_HAND_LINE: dict[str, Any] = {"color": "black", "ls": (0, (2, 2)), "lw": 0.9}
 OBSTACLE_FILL: dict[str, Any] = {
     "facecolor": "0.75",
     "edgecolor": "0.4",
@@ -59,7 +67,7 @@ LEGEND_ROW_IN = 0.2
 DOTS_PER_INCH = 200
 LABEL_TICKS, LABEL_PT = 5, 11.0
 NUMBER_PT_MIN = 5.0
-STYLE: dict[Any, Any] = {
+BASE_STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.0,
     "legend.fontsize": 8.0,
@@ -68,30 +76,34 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def panels_figure(
+def snapshots_figure(
     ground_truth: GroundTruth, row: int, across: int, handles: Sequence[Artist]
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of ``across`` squared panels that show everything up to a row, legend below."""
+    """A figure of ``across`` x ``across`` panels, with the legend below.
+
+    All panels have the same limits: they show everything from the start up to the given row of
+    the ground truth, and the obstacles.
+    """
     shown = ground_truth.positions[: row + 1].reshape(-1, 2)
     fixed = [(*o.position, o.radius_m) for o in ground_truth.scenario.obstacles]
     corners = [(x + side * r, y + side * r) for x, y, r in fixed for side in (-1.0, 1.0)]
     everything = np.vstack([shown, *corners])
     low, high = everything.min(axis=0) - MARGIN_M, everything.max(axis=0) + MARGIN_M
     width, height = (high - low).tolist()
-    # As many columns as fit: few entries are mostly long ones.
+    # A legend with few entries has long ones, so fewer columns fit.
     columns = 5 if len(handles) > 8 else 4 if len(handles) > 6 else 3
     legend_in = LEGEND_ROW_IN * ceil(len(handles) / columns)
     tall = min(max(WIDTH_IN * height / width, HEIGHT_IN_MIN), HEIGHT_IN_MAX) + legend_in
     figure = Figure(figsize=(WIDTH_IN, tall), dpi=DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(across, across, sharex=True, sharey=True, squeeze=False)
     for axes in panels.flat:
-        set_ground(axes, ground_truth, low, high)
+        set_map_axes(axes, ground_truth, low, high)
     figure.legend(handles=handles, loc="outside lower center", ncols=columns)
     return figure, list(panels.flat)
 
 
-def set_ground(axes: Axes, ground_truth: GroundTruth, low: Floats, high: Floats) -> None:
-    """The part of the plane from ``low`` to ``high`` (2,) in m, to one scale, with obstacles."""
+def set_map_axes(axes: Axes, ground_truth: GroundTruth, low: Floats, high: Floats) -> None:
+    """Show the plane from ``low`` (2,) to ``high`` (2,) in m, equal scales, with obstacles."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.locator_params(nbins=6, steps=[1, 2, 5, 10])
@@ -101,63 +113,76 @@ def set_ground(axes: Axes, ground_truth: GroundTruth, low: Floats, high: Floats)
 
 
 def body_handles(ground_truth: GroundTruth) -> list[Artist]:
-    """Legend entries of robots, target and obstacles; a large team has one for all."""
+    """Legend entries of robots, target and obstacles; a large team has one entry for all robots."""
     count = len(ground_truth.arena.ids)
     target = Line2D([], [], **TARGET_LINE, marker="*", ms=8, mfc="white", label="target")
     handles: list[Artist] = [
-        Line2D([], [], **_look(k, count), marker=_marker(k), mfc="white", ms=5, label=robot)
-        for k, robot in enumerate(ground_truth.arena.ids[: count if count <= NAMED_MAX else 1])
+        Line2D([], [], **_line_style(k, count), marker=_marker(k), mfc="white", ms=5, label=robot)
+        for k, robot in enumerate(
+            ground_truth.arena.ids[: count if count <= NAMED_ROBOTS_MAX else 1]
+        )
     ]
-    if count > NAMED_MAX:
+    if count > NAMED_ROBOTS_MAX:
         handles[0].set_label(f"{count} robots")
     if ground_truth.scenario.obstacles:
         handles.append(Patch(**OBSTACLE_FILL, label="obstacle"))
     handles.append(target)
     if ground_truth.moved_by_hand:
         handles.append(
-            Line2D([], [], **HAND_LINE, marker=">", ms=4, markevery=(1, 1), label="moved by hand")
+            Line2D(
+                [],
+                [],
+                **MOVED_BY_HAND_LINE,
+                marker=">",
+                ms=4,
+                markevery=(1, 1),
+                label="moved by hand",
+            )
         )
     return handles
 
 
-def _look(robot: int, count: int) -> dict[str, Any]:
+def _line_style(robot: int, count: int) -> dict[str, Any]:
     """Colour, dashes and width of a robot's line; thin and plain in a team too large to name."""
     colour = COLOURS[robot % len(COLOURS)]
-    if count > NAMED_MAX:
+    if count > NAMED_ROBOTS_MAX:
         return {"color": colour, "ls": "-", "lw": 0.6}
-    return {"color": colour, "ls": LINES[_second(robot)], "lw": 1.2}
+    return {"color": colour, "ls": LINE_STYLES[_style_index(robot)], "lw": 1.2}
 
 
 def _marker(robot: int) -> str:
-    return MARKERS[_second(robot)]
+    return MARKERS[_style_index(robot)]
 
 
-def _second(robot: int) -> int:
-    """Robots of one colour differ in line and marker."""
+def _style_index(robot: int) -> int:
+    """Index of a robot's line style and marker; robots of one colour get different ones."""
     return (robot + robot // len(COLOURS)) % len(MARKERS)
 
 
 def draw_trails(
     axes: Axes, ground_truth: GroundTruth, row: int, marked: NDArray[np.bool_] | None = None
 ) -> None:
-    """Where everyone has been up to a row, starts hollow; ``marked``: (T,) which rows get a dot."""
+    """Draw the trails of all bodies up to a row, with hollow markers at their starts.
+
+    ``marked``: (T,) whether a row gets a dot.
+    """
     count = len(ground_truth.arena.ids)
     start: dict[str, Any] = {
         "mfc": "white",
-        "ms": 5.0 if count <= NAMED_MAX else 3.0,
+        "ms": 5.0 if count <= NAMED_ROBOTS_MAX else 3.0,
         "ls": "",
         "zorder": 3,
     }
     for k in range(count):
-        look, places = _look(k, count), ground_truth.positions[: row + 1, k]
-        axes.plot(*places.T, **look, zorder=2)
+        style, positions = _line_style(k, count), ground_truth.positions[: row + 1, k]
+        axes.plot(*positions.T, **style, zorder=2)
         if row > 0:
-            axes.plot(*places[0], marker=_marker(k), color=look["color"], **start)
+            axes.plot(*positions[0], marker=_marker(k), color=style["color"], **start)
     cuts = [c for c in (ground_truth.row(t) for t in ground_truth.moved_by_hand) if c <= row]
     for part in np.split(ground_truth.target[: row + 1], cuts):
         axes.plot(*part.T, **TARGET_LINE, zorder=2)
     for cut in cuts:
-        arrow = {**HAND_LINE, "arrowstyle": "->", "shrinkA": 0, "shrinkB": 4}
+        arrow = {**MOVED_BY_HAND_LINE, "arrowstyle": "->", "shrinkA": 0, "shrinkB": 4}
         axes.annotate(
             "", ground_truth.target[cut], ground_truth.target[cut - 1], arrowprops=arrow, zorder=4
         )
@@ -170,44 +195,46 @@ def draw_trails(
 def draw_bodies(
     axes: Axes, ground_truth: GroundTruth, row: int, filled: Sequence[str] = ()
 ) -> None:
-    """Bodies at a row as discs to scale, under the trails; D_stop about the target.
+    """Draw bodies at a row as discs to scale, under the trails, and D_stop around the target.
 
-    ``filled``: robots whose discs are not white.
+    ``filled``: ids of the robots whose discs are filled.
     """
     scenario, target = ground_truth.scenario, ground_truth.target[row]
     for k, (robot, position) in enumerate(
         zip(ground_truth.arena.ids, ground_truth.robots[row], strict=True)
     ):
         fill = CAPTOR_FILL["facecolor"] if robot in filled else "white"
-        look = {"fc": fill, "ec": COLOURS[k % len(COLOURS)], "lw": 1.2, "zorder": 1.5}
-        axes.add_patch(Circle(position, scenario.team.radius_m, **look))
+        style = {"fc": fill, "ec": COLOURS[k % len(COLOURS)], "lw": 1.2, "zorder": 1.5}
+        axes.add_patch(Circle(position, scenario.team.radius_m, **style))
         inside = scenario.team.radius_m * points_per_m(axes) >= NUMBER_PT_MIN
-        if inside or len(ground_truth.arena.ids) <= NAMED_MAX:
+        if inside or len(ground_truth.arena.ids) <= NAMED_ROBOTS_MAX:
             _draw_number(axes, position, k + 1, position - target, scenario.team.radius_m)
     axes.add_patch(Circle(target, scenario.target.radius_m, fc="0.6", ec="black", zorder=1.5))
-    axes.add_patch(Circle(target, scenario.capture.stop_distance_m, fill=False, **STOP_LINE))
+    axes.add_patch(
+        Circle(target, scenario.capture.stop_distance_m, fill=False, **STOP_DISTANCE_LINE)
+    )
 
 
 def _draw_number(
     axes: Axes, position: Floats, number: int, outward: Floats, radius_m: float
 ) -> None:
-    """A robot's number in its disc, or beside a small disc, away from the crowd at the target."""
+    """Draw a robot's number in its disc; beside a small disc, on the side away from the target."""
     radius_pt = radius_m * points_per_m(axes)
     inside = radius_pt >= NUMBER_PT_MIN
     aside = (radius_pt + 5.0) * outward / max(float(np.hypot(*outward)), 1e-9)
     at = (0.0, 0.0) if inside else aside.tolist()
-    note(axes, f"{number}", position.tolist(), at, 7.5 if inside else 7.0)
+    draw_text(axes, f"{number}", position.tolist(), at, 7.5 if inside else 7.0)
 
 
 def points_per_m(axes: Axes) -> float:
-    """How many points a metre has on paper; about that where the layout is not yet done."""
+    """How many typographic points a metre has; approximate before the final layout."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     pixels = min(axes.bbox.width / (right - left), axes.bbox.height / (high - low))
     return float(72.0 * pixels / axes.figure.dpi)
 
 
 def draw_start_labels(axes: Axes, ground_truth: GroundTruth) -> None:
-    """S1.. and ST beside the starts, on the side that the trail does not leave by."""
+    """Label starts S1.. and ST, on the side opposite to the trail."""
     names = [*(f"{k + 1}" for k in range(len(ground_truth.arena.ids))), "T"]
     left = ground_truth.positions[ground_truth.row(LABEL_TICKS)] - ground_truth.positions[0]
     for name, position, (dx, dy) in zip(
@@ -215,10 +242,10 @@ def draw_start_labels(axes: Axes, ground_truth: GroundTruth) -> None:
     ):
         far = max(float(np.hypot(dx, dy)), 1e-9)
         offset = (-LABEL_PT * float(dx) / far, -LABEL_PT * float(dy) / far)
-        note(axes, f"$S_{{{name}}}$", position, offset, 9.0)
+        draw_text(axes, f"$S_{{{name}}}$", position, offset, 9.0)
 
 
-def note(
+def draw_text(
     axes: Axes,
     text: str,
     position: Point,
@@ -226,7 +253,7 @@ def note(
     size_pt: float,
     colour: str = "black",
 ) -> None:
-    """A short text at an offset from a place in data units, legible on whatever is under it."""
+    """Draw a short text with a white outline, at an offset from a position in data units."""
     axes.annotate(
         text,
         position,
@@ -249,26 +276,30 @@ def png_of(figure: Figure) -> bytes:
     return made.getvalue()
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as a PNG."""
-    # Written in one go: a figure that Ctrl-C cuts off is not there at all.
+def save_png(figure: Figure, path: Path) -> Path:
+    """Write a figure as a PNG and return its path."""
+    # One write of the whole file, so that Ctrl-C cannot leave half a figure.
     path.write_bytes(png_of(figure))
     return path
 
 
 def warm_up() -> None:
-    """Have matplotlib load fonts and its parser of formulas, which the first figure waits for."""
-    with matplotlib.rc_context(STYLE):
+    """Load fonts and formula parser of matplotlib, which would delay the first figure."""
+    with matplotlib.rc_context(BASE_STYLE):
         figure = Figure()
         figure.text(0.5, 0.5, "words and $S_1$")
         png_of(figure)
 
 
 def draw_sensing(axes: Axes, ground_truth: GroundTruth, row: int) -> None:
-    """Sensing ranges at a row: the robots' filled, the target's as an outline."""
+    """Draw the sensing ranges at a row: of robots as discs, of the target as an outline."""
     for position in ground_truth.robots[row].tolist():
         axes.add_patch(
-            Circle(position, ground_truth.scenario.team.sensing_range_m, **SIGHT_FILL, zorder=0)
+            Circle(
+                position, ground_truth.scenario.team.sensing_range_m, **ROBOT_SENSING_FILL, zorder=0
+            )
         )
     reach_m = ground_truth.scenario.target.sensing_range_m
-    axes.add_patch(Circle(ground_truth.target[row], reach_m, fill=False, **SIGHT_LINE, zorder=1))
+    axes.add_patch(
+        Circle(ground_truth.target[row], reach_m, fill=False, **TARGET_SENSING_LINE, zorder=1)
+    )

@@ -1,1 +1,1 @@
-"""Networks as they were measured: transport reports, traces, certificates."""
+"""What a real network did in recorded runs: tables and traces; certificates for secure networks."""

@@ -1,10 +1,11 @@
-"""A recorded run by the clock as a trace: what a real network did, for the channel to replay.
+"""Traces: what a real network did in a recorded run, as a file that the channel can replay.
 
-One row per packet and directed link, in the order of sending, with the columns that
-``encircle.world.loading.trace_files`` reads. Only the network's own doing is in it: what the
-modelled radio injected is not. Where robots did not hear each other but spoke through the world, a
-packet's way is the leg to the world and that of the next observation, without the wait for the tick
-in between.
+A trace has one row per packet and link, in the order of sending, with the columns that
+``encircle.world.loading.trace_files`` reads. The run must be one in real time. The trace holds the
+loss and delay of the real network only, without those that the channel model injected. If robots
+did not receive each other's packets directly but through the world, a packet's delay is the sum of
+two: the way to the world, and the way of the next observation. The wait for the tick in between is
+left out.
 """
 
 import csv
@@ -13,7 +14,7 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from encircle.network.transport import ledger_of
+from encircle.network.recorded_ledger import ledger_of
 from encircle.protocol.process.interrupts import check, signals_held
 from encircle.world.loading.channel_consistency import TRACE_ROWS_MAX
 from encircle.world.network.transits import offsets_of, transits_of
@@ -23,15 +24,15 @@ from encircle.world.recording.run_directory import RunDirectoryError
 
 COLUMNS = ("sender", "receiver", "lost", "delay_s")
 SUFFIXES = (".csv", ".parquet")
-DIGITS = 6
+DELAY_DIGITS = 6
 
 
 class TraceFileError(RunDirectoryError):
-    """The trace cannot be written; the message says which and why."""
+    """The trace cannot be written; the message names the file and the reason."""
 
 
-class Row(NamedTuple):
-    """One packet. ``delay_s`` is None where it was lost."""
+class TraceRow(NamedTuple):
+    """One packet of a trace; ``delay_s`` is None if it was lost."""
 
     sender: str
     receiver: str
@@ -40,24 +41,24 @@ class Row(NamedTuple):
 
 
 class NetworkTrace(NamedTuple):
-    """A run's packets.
+    """The packets of a run.
 
-    ``delays_refused``: why delays are left out, None if they are not; ``left_out``: how many
-    packets at the end there was no room for.
+    ``delays_refused``: why delays are left out, None if they are given. ``left_out``: how many
+    packets at the end do not fit into a trace.
     """
 
-    rows: list[Row]
+    rows: list[TraceRow]
     delays_refused: str | None
     left_out: int
 
 
 def trace_of(recording: Recording) -> NetworkTrace:
-    """The trace of a recorded run; ``RecordingError`` if it was not one by the clock."""
+    """The trace of a recorded run; raises ``RecordingError`` if it was not in real time."""
     ledger = ledger_of(recording)
     offsets = {robot: offsets_of(ledger, robot) for robot in ledger.robots}
     pairs = [(s, r) for s in ledger.robots for r in ledger.robots if s != r]
-    room = TRACE_ROWS_MAX // max(1, len(pairs))
-    rows: list[Row] = []
+    rows_per_link_max = TRACE_ROWS_MAX // max(1, len(pairs))
+    rows: list[TraceRow] = []
     refused, left_out = None, 0
     for sender, receiver in pairs:
         transits = transits_of(ledger, sender, receiver, offsets)
@@ -67,18 +68,25 @@ def trace_of(recording: Recording) -> NetworkTrace:
             refused = delay_refusal(error_us, ledger.tick_s)
             refused = refused or unsteady(sender, offsets) or unsteady(receiver, offsets)
             refused = refused and f"{sender} to {receiver}: {refused}"
-        # A packet that did not reach the world as well has no known time of sending.
+        # The time of sending is known only if the packet reached the world too.
         usual_us = median([transit.delay_us or 0.0 for transit in known]) if known else 0.0
-        left_out += max(0, len(transits) - room)
-        for _, lost, delay_us, _ in transits[:room]:
-            # An unsharp clock may show an arrival before the sending.
+        left_out += max(0, len(transits) - rows_per_link_max)
+        for _, lost, delay_us, _ in transits[:rows_per_link_max]:
+            # With an inexact clock offset an arrival may seem earlier than the sending.
             delay_s = max(0.0, usual_us if delay_us is None else delay_us) / 1e6
-            rows.append(Row(sender, receiver, int(lost), None if lost else round(delay_s, DIGITS)))
+            rows.append(
+                TraceRow(
+                    sender, receiver, int(lost), None if lost else round(delay_s, DELAY_DIGITS)
+                )
+            )
     return NetworkTrace(rows, refused, left_out)
 
 
-def check_target(path: Path) -> None:
-    """``TraceFileError`` if nothing can be written there, before anything is read."""
+def check_trace_path(path: Path) -> None:
+    """Raise ``TraceFileError`` if no trace can be written to a path.
+
+    To be called before a run is read.
+    """
     if path.suffix.lower() not in SUFFIXES:
         raise TraceFileError(f"{path}: a trace's name must end in {' or '.join(SUFFIXES)}")
     if path.exists():
@@ -86,8 +94,8 @@ def check_target(path: Path) -> None:
 
 
 def write_trace(trace: NetworkTrace, path: Path) -> None:
-    """Write a trace to a new file; ``TraceFileError`` if that is not possible."""
-    check_target(path)
+    """Write a trace to a new file; raises ``TraceFileError`` if that is not possible."""
+    check_trace_path(path)
     if not trace.rows:
         raise TraceFileError(f"{path}: the run has no packet that could have been heard")
     names = COLUMNS if trace.delays_refused is None else COLUMNS[:3]
@@ -101,7 +109,7 @@ def write_trace(trace: NetworkTrace, path: Path) -> None:
                 file.flush()
                 check()
             except BaseException:
-                # What is left would keep the next attempt from its place.
+                # Half a file would make the next attempt fail, as the path exists.
                 path.unlink()
                 raise
     except OSError as error:

@@ -1,1 +1,1 @@
-"""The paper's simulations, and what it claims of them."""
+"""The paper's five simulations, run here, and checks of what the paper claims about them."""

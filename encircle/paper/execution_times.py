@@ -1,20 +1,21 @@
-"""Many runs of simulations 4 and 5: execution times of four policies, and rates of capture.
+"""Execution times of four policies over many runs, and capture rates of simulation 4.
 
-The paper's Fig. 7 shows one run per policy and start of R3. Without noise a run repeats exactly,
-so one run says how that start went, not which policy is faster. Here each start is run over many
-seeds: a seed moves every robot's start by up to ``JITTER_M`` along each axis and draws the
-detection noise, the same for every policy and every x of R3. What is compared is therefore paired,
-and the seeds are the independent units: differences are averaged within a seed before anything is
-inferred.
+The paper's Fig. 7 shows one run of simulation 5 per policy and start of R3. Without noise a run
+repeats exactly, so one run shows how that start went, not which policy is faster. Here each start
+is run with many seeds. A seed moves every robot's start by up to ``JITTER_M`` along each axis and
+draws the detection noise; it does so in the same way for every policy and every start of R3.
+Comparisons are therefore paired. The seeds are the independent units: differences are averaged
+within a seed before an interval is computed.
 
 A run that does not capture within ``ticks_max`` is censored: its execution time is at least that.
-It is never dropped. The mean counts it as ``ticks_max`` and so is a lower bound. A hunt mostly
-succeeds at once or takes ten times as long, so that a few runs make the mean, and its interval is
-wide, as more of them may be than the seeds show. The typical time is given too, the mean of the
-middle half of the runs, which censored runs do not touch as long as they are fewer than a quarter.
+It is never dropped. The mean counts it as ``ticks_max`` and is therefore a lower bound. Most hunts
+succeed at once and some take ten times as long, so a few runs dominate the mean. Its interval is
+wide, because there may be more such runs than the seeds show. The typical time is given too: the
+mean of the middle half of the runs. Censored runs do not change it as long as they are fewer than a
+quarter.
 
-Three policies are compared with xi*. The intervals of the three differences are 95 % for all of
-them together (Bonferroni), so that the paper's claim may be called true or false by them.
+Three policies are compared with xi*. Their three intervals hold together with 95 % (Bonferroni), so
+that they can decide the paper's claim.
 """
 
 import os
@@ -30,26 +31,30 @@ from encircle.progress import Tell, no_progress
 from encircle.runner.hunts import run
 from encircle.runner.process_pool import in_order
 from encircle.statistics.comparisons import bounded_mean
-from encircle.statistics.intervals import capture_rate, restricted_mean_ticks
+from encircle.statistics.intervals import capture_rate, restricted_mean_time
 from encircle.world.loading.load import load
 
 POLICIES = {"xi-0": "xi = 0", "xi-1": "xi = 1", "xi-3": "xi = 3", "xi-star": "xi*"}
-STAR = list(POLICIES).index("xi-star")
+XI_STAR = list(POLICIES).index("xi-star")
 X_OF_R3_M = tuple(float(x) for x in range(7, 16))
 JITTER_M = 0.25
 NOISE_M_STD = 0.02
 SLOW_STEP_M = 0.2
-HELD_M = 2.6
+SURROUNDED_M = 2.6
 CONFIDENCE = 0.95
 CONFIDENCE_EACH = 1.0 - (1.0 - CONFIDENCE) / (len(POLICIES) - 1)
-"""For each of the differences from xi*, so that all of them hold with ``CONFIDENCE``."""
+"""Confidence of each difference from xi*, such that all of them hold with ``CONFIDENCE``."""
 RESAMPLES = 2000
-MIDDLE_HALF = 0.25
+TRIMMED_SHARE = 0.25
 CHUNK_RUNS = 4
 
 
-class Outcome(NamedTuple):
-    """What came of one run. ``farthest_m``: from the target to the farthest robot, at the end."""
+class RunOutcome(NamedTuple):
+    """How one run ended.
+
+    ``ticks``: its length. ``farthest_m``: distance at the end from the target to the farthest
+    robot.
+    """
 
     ticks: int
     captured: bool
@@ -57,20 +62,20 @@ class Outcome(NamedTuple):
 
 
 class MeanInterval(NamedTuple):
-    """A mean with its 95 % interval."""
+    """A mean with its confidence interval, 95 % unless its function says otherwise."""
 
     mean: float
     low: float
     high: float
 
     def __format__(self, sign: str) -> str:
-        """A difference, with a sign (``+``) and finer, or a time."""
+        """As a time, or with ``+`` as a difference: with a sign and one more digit."""
         spec = f"{sign}.{2 if sign else 1}f"
         return f"{self.mean:{spec}} [{self.low:{spec}}, {self.high:{spec}}]"
 
 
-class Rate(NamedTuple):
-    """How many of how many, with Wilson's 95 % interval."""
+class CaptureCount(NamedTuple):
+    """How many of how many runs captured, with Wilson's 95 % interval of the share."""
 
     captured: int
     runs: int
@@ -86,9 +91,11 @@ class Rate(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ExecutionTimes:
-    """The runs of simulation 5: ``ticks``, ``captured`` (X, P, S) over starts, policies, seeds.
+    """The runs of simulation 5 by start of R3, policy and seed: arrays (X, P, S).
 
-    ``farthest_m``: (X, P, S) distance at the end from the target to the robot farthest from it.
+    ``x_m``: (X,) starting x of R3 in m. ``ticks``: length of each run. ``captured``: whether it
+    captured. ``farthest_m``: distance at the end from the target to the farthest robot.
+    ``ticks_max``: limit of a run.
     """
 
     x_m: tuple[float, ...]
@@ -98,66 +105,74 @@ class ExecutionTimes:
     ticks_max: int
 
     @property
-    def surrounded(self) -> int:
-        """Runs without capture that end with every robot close around the target."""
-        return int((~self.captured & (self.farthest_m <= HELD_M)).sum())
+    def surrounded_count(self) -> int:
+        """How many runs end without capture although every robot is within ``SURROUNDED_M``."""
+        return int((~self.captured & (self.farthest_m <= SURROUNDED_M)).sum())
 
     @property
     def missed(self) -> NDArray[np.int64]:
-        """(X, P) runs without capture."""
+        """Number of runs without capture: (X, P)."""
         return np.asarray((~self.captured).sum(axis=2))
 
     def typical(self, start_index: int, policy: int) -> MeanInterval:
-        """Typical time at a start."""
-        return estimate(self.ticks[start_index, policy], MIDDLE_HALF)
+        """Typical time at a start, in ticks."""
+        return trimmed_mean_interval(self.ticks[start_index, policy], TRIMMED_SHARE)
 
     def mean(self, start_index: int, policy: int) -> MeanInterval:
-        """Mean time at a start, a lower bound if runs did not capture."""
-        return self._mean(self.ticks[start_index, policy], self.captured[start_index, policy])
+        """Mean time at a start, in ticks; a lower bound if there are runs without capture."""
+        return self._restricted_mean(
+            self.ticks[start_index, policy], self.captured[start_index, policy]
+        )
 
     def overall(self, policy: int) -> MeanInterval:
-        """Typical time over all starts."""
-        return estimate(self.ticks[:, policy], MIDDLE_HALF)
+        """Typical time over all starts, in ticks."""
+        return trimmed_mean_interval(self.ticks[:, policy], TRIMMED_SHARE)
 
     def overall_mean(self, policy: int) -> MeanInterval:
-        """Mean time over all starts, a lower bound if runs did not capture."""
-        return self._mean(self.ticks[:, policy], self.captured[:, policy])
+        """Mean time over all starts, in ticks; a lower bound if there are runs without capture."""
+        return self._restricted_mean(self.ticks[:, policy], self.captured[:, policy])
 
     def difference(self, policy: int) -> MeanInterval:
-        """Typical difference: of a policy's time from that of xi*, over all pairs.
+        """Typical difference in ticks: a policy's time minus that of xi*, over all pairs.
 
-        Without bounds but the longest time if so few seeds could not tell even by all being alike.
+        The bounds are plus and minus the longest time if there are too few seeds: so few
+        that even the same sign in all of them would not be significant.
         """
-        found = estimate(self._changes(policy), MIDDLE_HALF, CONFIDENCE_EACH)
+        interval = trimmed_mean_interval(
+            self._differences_from_xi_star(policy), TRIMMED_SHARE, CONFIDENCE_EACH
+        )
         few = 2.0 ** (1 - self.ticks.shape[2]) > 1.0 - CONFIDENCE_EACH
-        return MeanInterval(found.mean, -self.ticks_max, self.ticks_max) if few else found
+        return MeanInterval(interval.mean, -self.ticks_max, self.ticks_max) if few else interval
 
     def difference_mean(self, policy: int) -> MeanInterval:
-        """Mean difference of a policy's time from that of xi*."""
-        by_seed = self._changes(policy).mean(axis=0)
+        """Mean difference in ticks: a policy's time minus that of xi*."""
+        by_seed = self._differences_from_xi_star(policy).mean(axis=0)
         return MeanInterval(*bounded_mean(by_seed, self.ticks_max, CONFIDENCE_EACH))
 
-    def _changes(self, policy: int) -> NDArray[np.int64]:
-        return np.asarray(self.ticks[:, policy] - self.ticks[:, STAR])
+    def _differences_from_xi_star(self, policy: int) -> NDArray[np.int64]:
+        return np.asarray(self.ticks[:, policy] - self.ticks[:, XI_STAR])
 
-    def _mean(self, ticks: NDArray[np.int64], captured: NDArray[np.bool_]) -> MeanInterval:
-        return MeanInterval(*restricted_mean_ticks(ticks, captured, self.ticks_max))
+    def _restricted_mean(
+        self, ticks: NDArray[np.int64], captured: NDArray[np.bool_]
+    ) -> MeanInterval:
+        return MeanInterval(*restricted_mean_time(ticks, captured, self.ticks_max))
 
     def order(self, policy: int) -> tuple[int, int, int]:
-        """In how many pairs xi* captures earlier, later, and at the same tick or neither does."""
+        """In how many pairs xi* captures earlier, later, and neither of the two."""
         late = np.where(self.captured, self.ticks, self.ticks_max + 1)
-        sign = np.sign(late[:, policy] - late[:, STAR])
+        sign = np.sign(late[:, policy] - late[:, XI_STAR])
         return int((sign > 0).sum()), int((sign < 0).sum()), int((sign == 0).sum())
 
 
-def estimate(
+def trimmed_mean_interval(
     values: NDArray[np.int64], trim: float, confidence: float = CONFIDENCE
 ) -> MeanInterval:
-    """Mean without ``trim`` of the values at either end, and an interval from two seeds on.
+    """Mean of ``values`` without the share ``trim`` at either end, with its interval.
 
-    ``values``: (S,) or (X, S); seeds, the last axis, are resampled whole. The interval is Student's
-    with the bootstrap's standard error: percentiles cover less where seeds are few. The resamples
-    are the same at every call: same table, same interval.
+    ``values``: (S,) or (X, S), S > 1. The bootstrap resamples whole seeds, the last axis. The
+    interval is Student's with the bootstrap's standard error, because bootstrap percentiles
+    cover too little if seeds are few. The random stream is fixed: the same table gives the same
+    interval.
     """
     table = np.atleast_2d(values).astype(float)
     seeds = table.shape[1]
@@ -169,28 +184,32 @@ def estimate(
     return MeanInterval(value, value - half, value + half)
 
 
-def rate(captured: ArrayLike) -> Rate:
-    """Share of captures with Wilson's interval."""
+def capture_count(captured: ArrayLike) -> CaptureCount:
+    """Count and share of captures, with Wilson's interval; flags of any shape."""
     outcomes = np.asarray(captured, bool)
     _, low, high = capture_rate(outcomes)
-    return Rate(int(outcomes.sum()), outcomes.size, low, high)
+    return CaptureCount(int(outcomes.sum()), outcomes.size, low, high)
 
 
 def jittered(positions: Sequence[Sequence[float]], seed: int) -> list[list[float]]:
-    """Starts (N, 2) in m, each moved by up to ``JITTER_M`` per axis; the seed alone decides."""
+    """Starts (N, 2) in m, each moved by up to ``JITTER_M`` per axis, as the seed says."""
     starts = np.array(positions)
     moved = starts + np.random.default_rng(seed).uniform(-JITTER_M, JITTER_M, starts.shape)
-    found: list[list[float]] = moved.round(6).tolist()
-    return found
+    rounded: list[list[float]] = moved.round(6).tolist()
+    return rounded
 
 
-def execution_times(
+def measure_execution_times(
     x_m: Sequence[float], seeds: int, tell: Tell = no_progress
 ) -> tuple[ExecutionTimes, ExecutionTimes]:
-    """Runs of simulation 5 at each start of R3: over paired seeds, and one each without noise."""
+    """Run simulation 5 for each start of R3: over paired seeds, and once each without noise.
+
+    ``x_m``: starts of R3 in m. ``tell`` is called with the number of finished runs and of all
+    runs. Returns the paired runs (X, P, ``seeds``) and the exact ones (X, P, 1).
+    """
     base = load("sim5").model_dump(mode="json", exclude_unset=True)
     cases = [(x, policy, seed) for x in x_m for policy in POLICIES for seed in range(seeds + 1)]
-    outcomes = run_many([_case(base, *case) for case in cases], tell)
+    outcomes = run_many([_scenario_of_case(base, *case) for case in cases], tell)
     shape = (len(x_m), len(POLICIES), seeds + 1)
     ticks, captured, farthest_m = (
         np.array(column).reshape(shape) for column in zip(*outcomes, strict=True)
@@ -208,8 +227,10 @@ def execution_times(
     return paired, exact
 
 
-def _case(base: Mapping[str, Any], x_m: float, policy: str, seed: int) -> dict[str, Any]:
-    """One run of simulation 5; seed 0 stands for the scenario as it is, without noise."""
+def _scenario_of_case(
+    base: Mapping[str, Any], x_m: float, policy: str, seed: int
+) -> dict[str, Any]:
+    """The scenario of one run of simulation 5; seed 0 stands for the shipped one, without noise."""
     starts = [list(p) for p in base["team"]["positions"]]
     starts[2][0] = x_m
     if seed == 0:
@@ -218,8 +239,8 @@ def _case(base: Mapping[str, Any], x_m: float, policy: str, seed: int) -> dict[s
     return {**base, "team": team, "sensing": {"noise_m_std": NOISE_M_STD}, "seed": seed}
 
 
-def numbers(times: ExecutionTimes, exact: ExecutionTimes) -> dict[str, Any]:
-    """Everything behind figure and table, for JSON."""
+def execution_times_as_dict(times: ExecutionTimes, exact: ExecutionTimes) -> dict[str, Any]:
+    """All numbers behind figure and table, for JSON."""
     return {
         "x_m": list(times.x_m),
         "ticks_max": times.ticks_max,
@@ -245,11 +266,11 @@ def numbers(times: ExecutionTimes, exact: ExecutionTimes) -> dict[str, Any]:
     }
 
 
-def captures(runs: int, tell: Tell = no_progress) -> dict[str, NDArray[np.bool_]]:
-    """Which runs of simulation 4 capture: from random starts at two speeds, and near its own.
+def measure_captures(runs: int, tell: Tell = no_progress) -> dict[str, NDArray[np.bool_]]:
+    """Which runs of simulation 4 capture, by seed: flags (S,), S = ``runs``, of three variants.
 
-    ``fast``: random starts; ``slow``: the same with the target's step of the other simulations,
-    ``SLOW_STEP_M``; ``near``: the scenario's own start, jittered as in simulation 5. By seed, (S,).
+    ``fast``: random starts. ``slow``: the same starts, and the target's step of the other
+    simulations, ``SLOW_STEP_M``. ``near``: the shipped starts, jittered as in simulation 5.
     """
     fast = load("sim4").model_dump(mode="json", exclude_unset=True)
     robots = len(fast["team"]["positions"])
@@ -268,14 +289,14 @@ def captures(runs: int, tell: Tell = no_progress) -> dict[str, NDArray[np.bool_]
     return dict(zip(("fast", "slow", "near"), captured, strict=True))
 
 
-def run_many(jobs: Sequence[Mapping[str, Any]], tell: Tell = no_progress) -> list[Outcome]:
-    """Run scenarios in memory, on all processors; what came of them, in their order.
+def run_many(jobs: Sequence[Mapping[str, Any]], tell: Tell = no_progress) -> list[RunOutcome]:
+    """Run scenarios in memory on all processors; returns their outcomes in the order of ``jobs``.
 
-    ``tell`` gets how many runs are done, and how many there are.
+    ``tell`` is called with the number of finished runs and of all runs.
     """
-    return in_order(_outcome, jobs, os.cpu_count() or 1, CHUNK_RUNS, tell)
+    return in_order(_run_outcome, jobs, os.cpu_count() or 1, CHUNK_RUNS, tell)
 
 
-def _outcome(scenario: Mapping[str, Any]) -> Outcome:
+def _run_outcome(scenario: Mapping[str, Any]) -> RunOutcome:
     result = run(scenario, link="memory").result
-    return Outcome(result.ticks, result.captured, max(result.distances_m))
+    return RunOutcome(result.ticks, result.captured, max(result.distances_m))

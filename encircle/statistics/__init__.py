@@ -1,1 +1,1 @@
-"""Intervals and tests, for results that can be published."""
+"""Confidence intervals and tests for paired runs: pure functions on arrays."""

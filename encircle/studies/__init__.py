@@ -1,1 +1,1 @@
-"""Studies: a grid of hunts with common seeds, a table of measures, statistics and a report."""
+"""Studies: grids of hunts with common seeds, their tables, statistics, figures and reports."""

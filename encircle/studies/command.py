@@ -13,9 +13,9 @@ from encircle.progress import Progress, Tell
 from encircle.protocol.process.interrupts import Interrupted, exit_message, signals_held
 from encircle.protocol.process.log import say, say_error
 from encircle.studies.plan_files import load_plan
-from encircle.studies.report.claims import summary_sentences
-from encircle.studies.report.failures import last_line
+from encircle.studies.report.failures import first_failure_text
 from encircle.studies.report.report import write_report
+from encircle.studies.report.sentences import summary_sentences
 from encircle.studies.study import Study
 from encircle.studies.summary import summarise
 from encircle.studies.workers import StudyFailed
@@ -54,10 +54,10 @@ def run_study(request: Request) -> dict[str, Any]:
     say_error(f"{plan.name}: writing the report")
     done = f"; all {plan.runs} runs are done, the same command writes the report"
     with exit_message(done, "the study stopped: "), closing(study.open()) as table:
-        summary = summarise(plan, table) if table.whole_seeds else None
+        summary = summarise(plan, table) if table.complete_seeds else None
         report = write_report(plan, table, study.directory, request.command, summary=summary)
         failed = int(table.failed.sum())
-        failure = last_line(plan, table)
+        failure = first_failure_text(plan, table)
     return {
         "study": plan.name,
         "cells": len(plan.cells),

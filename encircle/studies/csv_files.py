@@ -1,19 +1,26 @@
-"""A study's numbers as lines of files: every cell, and every comparison with the p of its tests."""
+"""A study's numbers as CSV files: one line per cell, one line per comparison.
+
+The numbers are those of ``encircle.studies.summary``, each with its interval or its p.
+"""
 
 import csv
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from encircle.studies.summary import CLAIMS, Comparison, Overall, Summary
+from encircle.studies.summary import OUTCOMES, Comparison, OverallComparison, Summary
 
-CELLS, COMPARISONS = "summary.csv", "comparisons.csv"
-NAMES = {"rate": "capture_rate", "order": "later_less_earlier", "time_s": "time_s_restricted"}
+CELLS_FILE, COMPARISONS_FILE = "summary.csv", "comparisons.csv"
+COLUMN_NAMES = {
+    "rate": "capture_rate",
+    "order": "later_less_earlier",
+    "time_s": "time_s_restricted",
+}
 NUMBERS = ("difference", "low", "high", "p", "p_corrected")
 
 
 def write_cells(summary: Summary, path: Path) -> None:
-    """One line per cell: levels, rate, time and means of measures, each with its interval."""
+    """Write one line per cell: levels, capture rate, times, means of measures, with intervals."""
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         names = [axis.name for axis in summary.plan.all_axes]
@@ -35,23 +42,34 @@ def write_cells(summary: Summary, path: Path) -> None:
 
 
 def write_comparisons(summary: Summary, path: Path) -> None:
-    """One line per comparison; ``all`` where it is over all levels of an axis."""
-    axis = summary.plan.compared
+    """Write one line per comparison; ``all`` stands for all levels of an axis."""
+    axis = summary.plan.compared_axis
     assert axis is not None
     others = [other.name for other in summary.plan.all_axes if other is not axis]
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        measured = [f"{NAMES[name]}_{end}" for name in CLAIMS for end in (*NUMBERS, "decision")]
+        measured = [
+            f"{COLUMN_NAMES[name]}_{end}" for name in OUTCOMES for end in (*NUMBERS, "decision")
+        ]
         writer.writerow([axis.name, "baseline", *others, "pairs", *measured])
-        for one in summary.comparisons:
-            writer.writerow([one.level, one.baseline, *one.others.values(), *_numbers(one)])
-        for over in summary.overall:
-            writer.writerow([over.level, over.baseline, *("all" for _ in others), *_numbers(over)])
+        for comparison in summary.comparisons:
+            writer.writerow(
+                [
+                    comparison.level,
+                    comparison.baseline,
+                    *comparison.others.values(),
+                    *_numbers(comparison),
+                ]
+            )
+        for overall in summary.overall:
+            writer.writerow(
+                [overall.level, overall.baseline, *("all" for _ in others), *_numbers(overall)]
+            )
 
 
-def _numbers(one: Comparison | Overall) -> Iterator[Any]:
-    yield one.rate.pairs
-    for name in CLAIMS:
-        test = getattr(one, name)
+def _numbers(comparison: Comparison | OverallComparison) -> Iterator[Any]:
+    yield comparison.rate.pairs
+    for name in OUTCOMES:
+        test = getattr(comparison, name)
         yield from (f"{number:.10g}" for number in (*test.mean, test.p, test.p_corrected))
         yield str(test.verdict)

@@ -1,12 +1,12 @@
-"""What a study is: a base scenario, axes to vary it along, seeds, measures. Read from TOML.
+"""The model of a study: a base scenario, axes, seeds and measures, as read from TOML.
 
-A study is the grid of all combinations of its axes' levels, its cells, each run with the same
-seeds. Everything is checked before anything runs: the file itself, and every cell's scenario. All
-cells of one seed meet the same draws (``encircle.world.random_streams``), so arms of a study are
-compared in pairs.
+A study is a grid: every combination of levels of its axes is a cell, and every cell is run with the
+same seeds. All cells of one seed get the same random draws (``encircle.world.random_streams``), so
+the runs of a study can be compared in pairs. Everything is checked before anything runs: the file
+here, and every cell's scenario in ``encircle.studies.plan_problems``.
 
-The fingerprint covers what the numbers depend on, the base scenario and the axes, and neither
-titles nor seeds: more seeds can be added to a table later.
+The fingerprint is a digest of what the numbers of a run depend on: base scenario, axes and
+measures. It leaves out titles and seeds, so that seeds can be added to an existing table.
 """
 
 import hashlib
@@ -42,23 +42,35 @@ from encircle.world.scenario.model import Scenario
 CELLS_MAX = 100_000
 CELLS_NAMED_MAX = 4
 SEEDS_MAX = 1_000_000
-Bound = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
-Visible = Annotated[str, AfterValidator(printable)]
-"""Text that figures, tables and lines show."""
-NAME = re.compile(r"[a-z][a-z0-9_]{0,30}")
-RESERVED = ("cell", "seed", "digest", "captured", "ticks", "failed", "wall_s", "code", "versions")
-STRATEGY = "strategy"
-DELIVERED = "delay_s_mean"
-"""The measure of the delay that came of the radio."""
-DELAYS = ("channel.delay.mean_s", "channel.delay.low_s", "channel.delay.high_s")
-"""Keys that ask for a delay, in s."""
+BoundedFloat = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
+PrintableText = Annotated[str, AfterValidator(printable)]
+"""Text for figures, tables and the terminal, without control characters."""
+NAME_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,30}")
+RESERVED_COLUMNS = (
+    "cell",
+    "seed",
+    "digest",
+    "captured",
+    "ticks",
+    "failed",
+    "wall_s",
+    "code",
+    "versions",
+)
+STRATEGY_AXIS = "strategy"
+DELIVERED_DELAY = "delay_s_mean"
+"""The measure of the mean delay with which the channel delivered packets."""
+DELAY_KEYS = ("channel.delay.mean_s", "channel.delay.low_s", "channel.delay.high_s")
+"""Keys of a scenario that request a delay, in s."""
 
 
-SEEDS = f"must be a number from 1 to {SEEDS_MAX}, or a list of different seeds from 0 to 2^63 - 1"
+SEEDS_RULE = (
+    f"must be a number from 1 to {SEEDS_MAX}, or a list of different seeds from 0 to 2^63 - 1"
+)
 
 
-def _seeds(value: Any) -> Any:
-    """Seeds as they are, so that nothing but a number or a list of numbers goes further."""
+def _validated_seeds(value: Any) -> Any:
+    """Seeds unchanged, if they are a number or a list of numbers."""
     if isinstance(value, list | tuple):
         good = (
             0 < len(value) <= SEEDS_MAX
@@ -68,18 +80,18 @@ def _seeds(value: Any) -> Any:
     else:
         good = type(value) is int and 0 < value <= SEEDS_MAX
     if not good:
-        raise ValueError(SEEDS)
+        raise ValueError(SEEDS_RULE)
     return value
 
 
-def _scenario(value: Any) -> Any:
+def _validated_scenario(value: Any) -> Any:
     if not isinstance(value, str | dict):
         raise ValueError("must be a shipped scenario's name, a file's, or a table")
     return value
 
 
-def _name(value: str) -> str:
-    if NAME.fullmatch(value) is None:
+def _validated_name(value: str) -> str:
+    if NAME_PATTERN.fullmatch(value) is None:
         raise ValueError(
             "must begin with a small letter and have small letters, digits and _ only, at most 31"
         )
@@ -97,33 +109,33 @@ class _Model(BaseModel):
 class Range(_Model):
     """``count`` evenly spaced levels from ``first`` to ``last``, both included."""
 
-    first: Bound
-    last: Bound
+    first: BoundedFloat
+    last: BoundedFloat
     count: Annotated[int, Field(ge=2, le=1000)]
 
 
 class Arm(_Model):
     """One level of an axis that changes several keys at once."""
 
-    name: Visible
+    name: PrintableText
     set: dict[str, Any]
 
 
 class Axis(_Model):
-    """One axis: a key with ``values`` or a ``range`` of them, or named ``arms``.
+    """One axis of a study: a key with ``values`` or a ``range`` of them, or named ``arms``.
 
-    ``scale`` is what values are multiplied with to be shown in ``unit``: 100 for a share in %.
-    ``show``: levels of a delay are shown as they are asked for or, once there are runs, by the mean
-    delay in s that was delivered at each, ``delivered_s``.
+    ``scale``: factor by which values are multiplied to be shown in ``unit``, such as 100 for a
+    share in %. ``show``: whether the levels of a delay are shown as requested or, once there
+    are runs, as the mean delay in s that was delivered at each level.
     """
 
-    name: Annotated[str, AfterValidator(_name)]
+    name: Annotated[str, AfterValidator(_validated_name)]
     key: str | None = None
     values: tuple[Any, ...] | None = None
     range: Range | None = None
     arms: tuple[Arm, ...] | None = None
-    label: Visible = ""
-    unit: Visible = ""
+    label: PrintableText = ""
+    unit: PrintableText = ""
     scale: FiniteFloat = 1.0
     show: Literal["asked", "delivered"] = "asked"
     _delivered_s: tuple[float, ...] | None = PrivateAttr(None)
@@ -138,7 +150,7 @@ class Axis(_Model):
         if not self.levels:
             raise ValueError("an axis needs at least one level")
         try:
-            texts = {_text(level) for level in self.levels}
+            texts = {_json_text(level) for level in self.levels}
             if self.numeric and not all(isfinite(float(level)) for level in self.levels):
                 raise OverflowError
         except (TypeError, OverflowError):
@@ -147,16 +159,16 @@ class Axis(_Model):
             ) from None
         if len(texts) < len(self.levels):
             raise ValueError(f"every level once, not {list(self.levels)}")
-        if self.show == "delivered" and not (self.key in DELAYS and self.numeric):
+        if self.show == "delivered" and not (self.key in DELAY_KEYS and self.numeric):
             raise ValueError(
-                f"show = 'delivered' needs an axis of a delay: a key of {', '.join(DELAYS)} with"
-                f" numbers, not {self.key or 'arms'}"
+                f"show = 'delivered' needs an axis of a delay: a key of {', '.join(DELAY_KEYS)}"
+                f" with numbers, not {self.key or 'arms'}"
             )
         return self
 
     @cached_property
     def levels(self) -> tuple[Any, ...]:
-        """The levels as they stand in the table: values, or names of arms."""
+        """The levels: values, or names of arms."""
         if self.arms is not None:
             return tuple(arm.name for arm in self.arms)
         if self.range is not None:
@@ -172,61 +184,66 @@ class Axis(_Model):
 
     @property
     def numeric(self) -> bool:
-        """Whether the levels are numbers, to be drawn on a scale."""
+        """Whether the levels are numbers, which are drawn on a scale."""
         return all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.levels)
 
     def changes(self, index: int) -> dict[str, Any]:
-        """Keys and values of the level at a place."""
+        """Keys and values of the level with an index."""
         if self.arms is not None:
             return self.arms[index].set
         assert self.key is not None
         return {self.key: self.levels[index]}
 
-    def column(self, index: int) -> Any:
-        """The level at a place as it stands in the table: of one type for the whole axis."""
+    def table_value(self, index: int) -> Any:
+        """The level with an index as it stands in the table: of one type for the whole axis."""
         level = self.levels[index]
         if self.numeric:
             return float(level)
-        return level if isinstance(level, str) else _text(level)
+        return level if isinstance(level, str) else _json_text(level)
 
     def as_delivered(self, delivered_s: Sequence[float]) -> "Axis":
-        """The axis with its levels shown by these mean delays, one for each."""
+        """The axis with its levels shown as mean delivered delays in s, one for each level."""
         label = f"delivered {self.label or self.name.replace('_', ' ')}"
         axis = self.model_copy(update={"label": label})
         axis._delivered_s = tuple(delivered_s)
         return axis
 
     @property
-    def shown_values(self) -> tuple[float, ...]:
-        """What the levels of a numeric axis are shown by, before ``scale``: places on a line."""
+    def display_values(self) -> tuple[float, ...]:
+        """The numbers as which the levels of a numeric axis are shown, before ``scale``."""
         return self._delivered_s or tuple(float(level) for level in self.levels)
 
-    def shown_value(self, value: float) -> str:
-        """A place between levels as a person reads it, without unit."""
+    def display_value(self, value: float) -> str:
+        """A value between levels as a person reads it, without unit."""
         shown = value * self.scale
         return f"{shown:.0f}" if abs(shown) >= 1000.0 else f"{shown:.3g}"
 
-    def shown(self, level: Any) -> str:
+    def display_level(self, level: Any) -> str:
         """A level as a person reads it, without unit."""
         if self._delivered_s is not None:
-            return self.shown_value(self._delivered_s[self.levels.index(level)])
+            return self.display_value(self._delivered_s[self.levels.index(level)])
         if isinstance(level, float | int) and not isinstance(level, bool):
             return f"{level * self.scale:.6g}"
-        return _text(level) if isinstance(level, list | tuple | dict) else str(level)
+        return _json_text(level) if isinstance(level, list | tuple | dict) else str(level)
 
 
 class Plan(_Model):
-    """A study, complete and checked. ``compare``: the axis whose levels are compared in pairs."""
+    """A study that is complete and checked.
+
+    ``compare``: name of the axis whose levels are compared in pairs. ``baseline``: its level
+    with which the others are compared. ``tolerated_rate``: capture rate of which the report
+    says up to which level it is reached.
+    """
 
     name: str = "study"
-    title: Visible = ""
+    title: PrintableText = ""
     question: str = ""
-    scenario: Annotated[str | dict[str, Any], BeforeValidator(_scenario)]
+    scenario: Annotated[str | dict[str, Any], BeforeValidator(_validated_scenario)]
     set: dict[str, Any] = {}
     changes: tuple[str, ...] = ()
     axes: tuple[Axis, ...] = ()
     strategies: tuple[str, ...] = ()
-    seeds: Annotated[int | tuple[int, ...], BeforeValidator(_seeds)] = 40
+    seeds: Annotated[int | tuple[int, ...], BeforeValidator(_validated_seeds)] = 40
     measures: tuple[str, ...] = ()
     compare: str | None = None
     baseline: str | None = None
@@ -234,10 +251,10 @@ class Plan(_Model):
 
     @cached_property
     def all_axes(self) -> tuple[Axis, ...]:
-        """The axes, that of the strategies last."""
+        """The axes; that of the strategies, if there is one, is the last."""
         if not self.strategies:
             return self.axes
-        chosen = Axis(name=STRATEGY, key="team.strategy", values=self.strategies)
+        chosen = Axis(name=STRATEGY_AXIS, key="team.strategy", values=self.strategies)
         return (*self.axes, chosen)
 
     @cached_property
@@ -247,39 +264,41 @@ class Plan(_Model):
 
     @cached_property
     def cells(self) -> tuple[tuple[int, ...], ...]:
-        """Places of each cell's levels on the axes; the last axis varies fastest."""
+        """Indices of each cell's levels, one per axis; the last axis varies fastest."""
         return tuple(itertools.product(*(range(len(axis.levels)) for axis in self.all_axes)))
 
     @property
     def runs(self) -> int:
-        """How many runs the study has."""
+        """The number of runs of the study."""
         return len(self.cells) * len(self.seed_list)
 
     @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the measures in the table; the delay that was delivered is always one."""
+    def measure_names(self) -> tuple[str, ...]:
+        """Names of the measures in the table; the mean delivered delay is always one of them."""
         return (
-            tuple(dict.fromkeys((*self.measures, DELIVERED))) if self.measures else tuple(MEASURES)
+            tuple(dict.fromkeys((*self.measures, DELIVERED_DELAY)))
+            if self.measures
+            else tuple(MEASURES)
         )
 
     @cached_property
-    def compared(self) -> Axis | None:
-        """The axis whose levels are compared, if any."""
-        wanted = self.compare or (STRATEGY if len(self.strategies) > 1 else None)
-        return next((axis for axis in self.all_axes if axis.name == wanted), None)
+    def compared_axis(self) -> Axis | None:
+        """The axis whose levels are compared, or None."""
+        axis_name = self.compare or (STRATEGY_AXIS if len(self.strategies) > 1 else None)
+        return next((axis for axis in self.all_axes if axis.name == axis_name), None)
 
     @cached_property
     def fingerprint(self) -> str:
-        """Digest of everything that the numbers of a cell and seed depend on, but the code."""
-        cells = [_numbers(self.scenario_of(cell)) for cell in range(len(self.cells))]
+        """Digest of everything that the numbers of a cell and seed depend on, except the code."""
+        cells = [_scenario_without_texts(self.scenario_of(cell)) for cell in range(len(self.cells))]
         axes = [[axis.name, axis.levels] for axis in self.all_axes]
-        tree = {"cells": cells, "axes": axes, "measures": self.columns}
-        return hashlib.blake2b(_text(tree).encode(), digest_size=8).hexdigest()
+        tree = {"cells": cells, "axes": axes, "measures": self.measure_names}
+        return hashlib.blake2b(_json_text(tree).encode(), digest_size=8).hexdigest()
 
     @cached_property
     def plugins(self) -> tuple[tuple[str, str], ...]:
-        """Policies, targets and measures of other packages that are used: group and name."""
-        used = {(MEASURES_GROUP, name) for name in self.columns if name not in MEASURES}
+        """Group and name of each plug-in of another package that the study uses."""
+        used = {(MEASURES_GROUP, name) for name in self.measure_names if name not in MEASURES}
         for cell in range(len(self.cells)):
             scenario = self.scenario_of(cell)
             used |= {(STRATEGIES, scenario.team.strategy), (TARGETS, scenario.target.behaviour)}
@@ -289,77 +308,81 @@ class Plan(_Model):
         )
 
     def as_delivered(self, delivered_s: Mapping[str, Sequence[float]]) -> "Plan":
-        """The plan with the levels of some axes, by name, shown by the mean delays delivered."""
+        """The plan with the levels of some axes, by name, shown as mean delivered delays in s."""
         axes = [
             axis.as_delivered(delivered_s[axis.name]) if axis.name in delivered_s else axis
             for axis in self.axes
         ]
-        # A copy would keep what was computed from the other axes.
+        # A copy would keep cached properties that were computed from the old axes.
         fields = {name: getattr(self, name) for name in type(self).model_fields}
         return type(self).model_construct(**{**fields, "axes": tuple(axes)})
 
     def levels(self, cell: int) -> dict[str, Any]:
         """Axis names and levels of a cell."""
         pairs = zip(self.all_axes, self.cells[cell], strict=True)
-        return {axis.name: axis.column(index) for axis, index in pairs}
+        return {axis.name: axis.table_value(index) for axis, index in pairs}
 
     def scenario_of(self, cell: int) -> Scenario:
-        """The scenario of a cell, but for its seed; ``ScenarioError`` if it cannot be run."""
+        """The scenario of a cell, without its seed; raises ``ScenarioError`` if it is not valid."""
         levels = zip(self.all_axes, self.cells[cell], strict=True)
-        lines = [line for axis, index in levels for line in _lines(axis.changes(index))]
-        return load(self.scenario, [*_lines(self.set), *self.changes, *lines])
+        lines = [line for axis, index in levels for line in _assignments(axis.changes(index))]
+        return load(self.scenario, [*_assignments(self.set), *self.changes, *lines])
 
     def remarks(self) -> list[str]:
-        """What is worth knowing of the cells before they are run, each sentence once."""
+        """Remarks on the cells' scenarios that a user should know before the runs, each once."""
         cells: dict[str, list[int]] = {}
         for cell in range(len(self.cells)):
             for line in remarks_on(self.scenario_of(cell)):
                 cells.setdefault(line, []).append(cell)
-        return [f"{line} ({_where(self, found)})" for line, found in cells.items()]
+        return [
+            f"{line} ({_cells_text(self, cell_numbers)})" for line, cell_numbers in cells.items()
+        ]
 
 
-def _where(plan: Plan, cells: Sequence[int]) -> str:
-    """Which cells these are, by the levels that tell them from the others."""
+def _cells_text(plan: Plan, cells: Sequence[int]) -> str:
+    """Which cells these are, by the levels that distinguish them from the others."""
     if len(cells) == len(plan.cells):
         return "in every cell"
-    places = [sorted({plan.cells[cell][k] for cell in cells}) for k in range(len(plan.all_axes))]
-    if prod(map(len, places)) == len(cells):
-        words = [
-            f"{axis.name} = {', '.join(axis.shown(axis.levels[k]) for k in chosen)}"
-            for axis, chosen in zip(plan.all_axes, places, strict=True)
+    level_indices = [
+        sorted({plan.cells[cell][k] for cell in cells}) for k in range(len(plan.all_axes))
+    ]
+    if prod(map(len, level_indices)) == len(cells):
+        clauses = [
+            f"{axis.name} = {', '.join(axis.display_level(axis.levels[k]) for k in chosen)}"
+            for axis, chosen in zip(plan.all_axes, level_indices, strict=True)
             if len(chosen) < len(axis.levels)
         ]
-        return f"at {' and '.join(words)}"
+        return f"at {' and '.join(clauses)}"
     named = [", ".join(f"{k} = {v}" for k, v in plan.levels(c).items()) for c in cells]
     more = len(cells) - CELLS_NAMED_MAX
     rest = f"; and {more} more cells" if more > 0 else ""
     return f"at {'; '.join(named[:CELLS_NAMED_MAX])}{rest}"
 
 
-def _numbers(scenario: Scenario) -> dict[str, Any]:
-    """What of a scenario its numbers depend on, but for the seed."""
-    words = {"title", "description", "seed"}
-    return scenario.model_dump(mode="json", exclude=words, exclude_defaults=True)
+def _scenario_without_texts(scenario: Scenario) -> dict[str, Any]:
+    """A scenario's keys that its numbers depend on, without the seed."""
+    excluded = {"title", "description", "seed"}
+    return scenario.model_dump(mode="json", exclude=excluded, exclude_defaults=True)
 
 
-def _lines(changes: Mapping[str, Any]) -> list[str]:
+def _assignments(changes: Mapping[str, Any]) -> list[str]:
     try:
-        return [f"{key}={toml(value)}" for key, value in changes.items()]
+        return [f"{key}={toml_text(value)}" for key, value in changes.items()]
     except TypeError:
-        # Such as a date.
+        # TOML has values that a scenario cannot hold, such as dates.
         raise ScenarioError(
             f"set = {shown(changes)}: must have numbers, texts, truth values, lists and tables only"
         ) from None
 
 
-def toml(value: Any) -> str:
+def toml_text(value: Any) -> str:
     """A value in TOML, on one line."""
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{json.dumps(k)} = {toml(v)}" for k, v in value.items()) + "}"
+        return "{" + ", ".join(f"{json.dumps(k)} = {toml_text(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(toml, value)) + "]"
+        return "[" + ", ".join(map(toml_text, value)) + "]"
     return json.dumps(value)
 
 
-def _text(tree: Any) -> str:
+def _json_text(tree: Any) -> str:
     return json.dumps(tree, sort_keys=True)

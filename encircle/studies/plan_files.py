@@ -1,7 +1,8 @@
-"""Studies as they are read: from a shipped file, one of the user's, or a mapping; and checked.
+"""Loading and checking of studies: from a shipped file, a user's file, or a mapping.
 
-Everything that is wrong is found before anything runs and listed at once: in the base scenario, in
-the study's own keys, and in every cell, as far as what is left can be understood.
+All problems are found before anything runs, and are listed together: those of the base scenario, of
+the study's own keys, and of every cell, as far as the rest can be understood without the invalid
+parts.
 """
 
 import tomllib
@@ -13,7 +14,7 @@ from pydantic import ValidationError
 
 from encircle.protocol.suggestions import did_you_mean
 from encircle.studies.plan import Plan, StudyError
-from encircle.studies.plan_problems import lines_of, problems_of
+from encircle.studies.plan_problems import plan_problems, problem_lines
 from encircle.world.loading.files import shipped as shipped_scenarios
 from encircle.world.loading.load import load
 from encircle.world.loading.toml_folder import toml_files
@@ -27,79 +28,85 @@ SHIPPED = Path(__file__).parent / "shipped"
 def load_plan(
     source: str | Path | Mapping[str, Any], changes: Sequence[str] = (), seeds: int | None = None
 ) -> Plan:
-    """A study from a shipped name, a TOML file or a mapping; checked with all its cells.
+    """Load a study from a shipped name, a TOML file or a mapping, and check all its cells.
 
-    ``changes``: ``key=value`` for the base scenario, as on the command line. ``seeds``: how many,
-    instead of the study's own. Raises ``StudyError`` listing every problem.
+    ``changes``: ``key=value`` for the base scenario, as on the command line. ``seeds``: how
+    many seeds, instead of the study's own. Raises ``StudyError``, which lists every problem.
     """
-    name, tree, folder = _read(source)
+    name, tree, folder = _read_source(source)
     tree.setdefault("name", name)
     if seeds is not None:
         tree["seeds"] = seeds
     of_base: list[str] = []
     try:
         if "scenario" in tree:
-            tree["scenario"] = _base(tree["scenario"], folder)
+            tree["scenario"] = _base_scenario(tree["scenario"], folder)
     except ScenarioError as error:
-        of_base = [f"scenario: {line}" for line in lines_of(error)]
-    plan, refused = _validated({**_anchored(tree, folder), "changes": tuple(changes)})
+        of_base = [f"scenario: {line}" for line in problem_lines(error)]
+    plan, refused = _validated({**_with_absolute_files(tree, folder), "changes": tuple(changes)})
     problems = [*of_base, *refused.values()]
     if plan is not None:
         left_out = {str(path[0]) for path in refused} | ({"scenario"} if of_base else set())
-        problems += problems_of(plan, left_out)
+        problems += plan_problems(plan, left_out)
     if plan is None or problems:
-        raise StudyError(_listed(name, problems))
+        raise StudyError(_problem_list(name, problems))
     return plan
 
 
 def shipped_studies() -> dict[str, Path]:
-    """The studies that come with the package, by name."""
+    """The studies that come with the package: path by name."""
     return toml_files(SHIPPED)
 
 
 def _validated(tree: dict[str, Any]) -> tuple[Plan | None, dict[tuple[str | int, ...], str]]:
-    """The plan without what is refused, None if nothing is left of it; what is refused, by place.
+    """The plan without its invalid parts, and the problems by their path in the tree.
 
-    A bad axis is left out alone, any other key as a whole.
+    The plan is None if nothing valid is left. An invalid axis is left out alone; any other
+    invalid key is left out as a whole.
     """
     try:
         return Plan.model_validate(tree), {}
     except ValidationError as error:
         refused = problems_in(error, Plan, tree)
-    places = {path[1] for path in refused if path[0] == "axes" and len(path) > 1}
+    refused_axes = {path[1] for path in refused if path[0] == "axes" and len(path) > 1}
     keys = {path[0] for path in refused if path[0] != "axes" or len(path) == 1}
     rest = {key: value for key, value in tree.items() if key not in keys}
-    if places and "axes" in rest:
-        rest["axes"] = [axis for index, axis in enumerate(rest["axes"]) if index not in places]
+    if refused_axes and "axes" in rest:
+        rest["axes"] = [
+            axis for index, axis in enumerate(rest["axes"]) if index not in refused_axes
+        ]
     try:
         return Plan.model_validate({"scenario": {}, **rest}), refused
     except ValidationError:
         return None, refused
 
 
-def _base(source: Any, folder: Path) -> Any:
-    """The base scenario as a tree; one that stands in the study itself need not be whole yet."""
+def _base_scenario(source: Any, folder: Path) -> Any:
+    """The base scenario as a tree.
+
+    One that is written inside the study need not be complete yet.
+    """
     if not isinstance(source, str):
         return source
     here = folder / source
     try:
         beside = here.is_file()
-    except OSError:  # what can be no file's name
+    except OSError:  # the text cannot be a file's name
         beside = False
     return load(here if beside else source).model_dump(mode="json", exclude_unset=True)
 
 
-def _anchored(tree: Any, folder: Path, key: str = "") -> Any:
-    """A study's tree with relative names of traces' files taken to lie beside it."""
+def _with_absolute_files(tree: Any, folder: Path, key: str = "") -> Any:
+    """A study's tree whose relative trace files are looked for in the study's directory."""
     if isinstance(tree, Mapping):
-        return {name: _anchored(value, folder, name) for name, value in tree.items()}
+        return {name: _with_absolute_files(value, folder, name) for name, value in tree.items()}
     if isinstance(tree, list | tuple):
-        return [_anchored(value, folder, key) for value in tree]
+        return [_with_absolute_files(value, folder, key) for value in tree]
     is_file = isinstance(tree, str) and (key == "file" or key.endswith(".file"))
     return str(folder.resolve() / tree) if is_file else tree
 
 
-def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], Path]:
+def _read_source(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], Path]:
     if isinstance(source, Mapping):
         return str(source.get("name", "study")), dict(source), Path()
     known = shipped_studies()
@@ -109,7 +116,7 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], 
             tree = tomllib.load(file)
     except (FileNotFoundError, IsADirectoryError):
         if str(source) in shipped_scenarios():
-            raise _is_scenario(source) from None
+            raise _scenario_given(source) from None
         raise StudyError(
             f"study {str(source)!r} is neither a file nor one of: {', '.join(known)}"
             f"{did_you_mean(source, known)}"
@@ -120,17 +127,17 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], 
         raise StudyError(f"study {str(source)!r} cannot be read: {error.strerror}") from None
     only_scenarios = Scenario.model_fields.keys() - Plan.model_fields.keys()
     if "scenario" not in tree and "axes" not in tree and only_scenarios & tree.keys():
-        raise _is_scenario(source)
+        raise _scenario_given(source)
     return path.stem, tree, path.parent
 
 
-def _is_scenario(source: object) -> StudyError:
+def _scenario_given(source: object) -> StudyError:
     return StudyError(
         f"study {str(source)!r} is a scenario, which has no axes: to run it once, encircle run"
         f" {source}; a study names it with scenario = {str(source)!r}"
     )
 
 
-def _listed(name: str, lines: Sequence[str]) -> str:
+def _problem_list(name: str, lines: Sequence[str]) -> str:
     many = "one problem" if len(lines) == 1 else f"{len(lines)} problems"
     return "\n".join([f"study {name!r} has {many}:", *(f"  {line}" for line in lines)])

@@ -1,44 +1,51 @@
-"""What is wrong with a study whose keys each have a value of the right kind, cells included."""
+"""Checks of a study whose keys each have a valid value: names, size, and every cell's scenario.
+
+What is wrong with a single value is found earlier, by ``encircle.studies.plan``.
+"""
 
 from collections.abc import Collection, Iterator
 from math import prod
 
 from encircle.measures.registry import MEASURES, REGISTRY
 from encircle.protocol.suggestions import did_you_mean
-from encircle.studies.plan import CELLS_MAX, RESERVED, Plan
+from encircle.studies.plan import CELLS_MAX, RESERVED_COLUMNS, Plan
 from encircle.world.scenario.errors import ScenarioError
 
-GIVE = "give either"
-"""What a scenario without robots is told, to which a study may add them on an axis."""
-CLOCK = "clock = 'wall': a study pairs runs that can be repeated; use 'lockstep'"
+NO_ROBOTS_PREFIX = "give either"
+"""How the problem of a scenario without robots begins; an axis of a study may add the robots."""
+CLOCK_PROBLEM = "clock = 'wall': a study pairs runs that can be repeated; use 'lockstep'"
 
 
-def problems_of(plan: Plan, left_out: Collection[str] = ()) -> list[str]:
-    """Every problem, a line each; empty if there is none.
+def plan_problems(plan: Plan, left_out: Collection[str] = ()) -> list[str]:
+    """Every problem of a study, a line each; an empty list if there is none.
 
-    ``left_out``: keys of the study that are wrong in themselves and so are left out of the plan,
-    whole or in part. What follows from their absence is no problem of its own.
+    ``left_out``: keys of the study that are invalid and therefore missing in the plan, in whole
+    or in part. Consequences of their absence are not reported.
     """
-    problems = [*_of_names(plan, left_out), *_of_size(plan)]
-    if cells_of(plan) <= CELLS_MAX and not {"scenario", "set"} & set(left_out):
-        problems += [line for line in _of_cells(plan) if "axes" not in left_out or GIVE not in line]
+    problems = [*_name_problems(plan, left_out), *_size_problems(plan)]
+    if cell_count(plan) <= CELLS_MAX and not {"scenario", "set"} & set(left_out):
+        problems += [
+            line
+            for line in _cell_problems(plan)
+            if "axes" not in left_out or NO_ROBOTS_PREFIX not in line
+        ]
     return problems
 
 
-def cells_of(plan: Plan) -> int:
-    """How many cells there are, without making them."""
+def cell_count(plan: Plan) -> int:
+    """The number of cells, computed without making them."""
     return prod(len(axis.levels) for axis in plan.all_axes)
 
 
-def _of_cells(plan: Plan) -> Iterator[str]:
-    """What is wrong with the scenarios of cells, each line once, with where it is first."""
+def _cell_problems(plan: Plan) -> Iterator[str]:
+    """Problems of the cells' scenarios, each line once, with the first cell that has it."""
     seen: dict[str, str] = {}
     for cell in range(len(plan.cells)):
         try:
             clock = plan.scenario_of(cell).clock
-            lines = [CLOCK] if clock == "wall" else []
+            lines = [CLOCK_PROBLEM] if clock == "wall" else []
         except ScenarioError as error:
-            lines = lines_of(error)
+            lines = problem_lines(error)
         for line in lines:
             where = ", ".join(f"{k} = {v}" for k, v in plan.levels(cell).items())
             seen.setdefault(line, where)
@@ -46,21 +53,21 @@ def _of_cells(plan: Plan) -> Iterator[str]:
         yield f"{line} (at {where or 'the base'})"
 
 
-def lines_of(error: ScenarioError) -> list[str]:
-    """The problems of a scenario, without the head that counts them."""
+def problem_lines(error: ScenarioError) -> list[str]:
+    """The problems of a scenario, without the first line, which counts them."""
     lines = str(error).splitlines()
     return [line.strip() for line in lines[1:] or lines]
 
 
-def _of_names(plan: Plan, left_out: Collection[str]) -> list[str]:
+def _name_problems(plan: Plan, left_out: Collection[str]) -> list[str]:
     problems = []
     names = [axis.name for axis in plan.all_axes]
-    taken = {*RESERVED, *MEASURES, *plan.measures}
+    table_columns = {*RESERVED_COLUMNS, *MEASURES, *plan.measures}
     problems += [f"axes: {n!r} stands twice" for n in sorted(set(names)) if names.count(n) > 1]
     problems += [
         f"axes.{k}.name = {n!r}: is a column of the table"
         for k, n in enumerate(names)
-        if n in taken
+        if n in table_columns
     ]
     problems += [
         f"measures: {name!r}: {problem}"
@@ -68,7 +75,7 @@ def _of_names(plan: Plan, left_out: Collection[str]) -> list[str]:
         if (problem := REGISTRY.problem_with(name))
     ]
     if {"axes", "strategies"} & set(left_out):
-        # Whether there is such an axis or level is to be seen once those are right.
+        # Names of axes and levels can be checked only once the axes are valid.
         return problems
     if plan.compare is not None and plan.compare not in names:
         problems.append(
@@ -76,7 +83,7 @@ def _of_names(plan: Plan, left_out: Collection[str]) -> list[str]:
             f"{did_you_mean(plan.compare, names)}"
         )
     if plan.baseline is not None:
-        axis = plan.compared
+        axis = plan.compared_axis
         if axis is None or plan.baseline not in map(str, axis.levels):
             known = ", ".join(map(str, axis.levels)) if axis else "none, as nothing is compared"
             near = did_you_mean(plan.baseline, map(str, axis.levels)) if axis else ""
@@ -86,10 +93,10 @@ def _of_names(plan: Plan, left_out: Collection[str]) -> list[str]:
     return problems
 
 
-def _of_size(plan: Plan) -> list[str]:
+def _size_problems(plan: Plan) -> list[str]:
     problems = []
     if any(axis.key == "seed" for axis in plan.axes) or "seed" in plan.set:
         problems.append("key 'seed': every cell is run with the study's seeds, give those")
-    if (cells := cells_of(plan)) > CELLS_MAX:
+    if (cells := cell_count(plan)) > CELLS_MAX:
         problems.append(f"axes: {cells} cells, at most {CELLS_MAX} are allowed")
     return problems

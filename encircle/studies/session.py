@@ -32,7 +32,7 @@ from encircle.runner.launch import STOP_S_MAX, Timeouts, free_endpoint
 from encircle.runner.nodes import Node, NodesLost, fork_server
 from encircle.studies.plan import Plan
 from encircle.studies.sources import versions
-from encircle.studies.tasks import FAILED, Row, Task, failed_row, row, run_seed
+from encircle.studies.tasks import FAILED, Row, Task, failed_row, result_row, run_seed
 from encircle.studies.workers import StudyFailed
 from encircle.world.arena.engine import Arena, build
 from encircle.world.coordinator.round_engine import RoundEngine
@@ -77,7 +77,7 @@ def _run(
     begun_s = time.perf_counter()
     try:
         log, digest = session.hunt(build(scenario, seed))
-        return row(task, log, digest, begun_s, code)
+        return result_row(task, log, digest, begun_s, code)
     except HuntFailed as error:
         # Its traceback is in another process; the same run fails in memory with one of its own.
         again = run_seed(task, scenario, seed, code)

@@ -1,4 +1,4 @@
-"""A study at work: what is missing is run, what is there is kept, the table is read.
+"""A study under way: missing runs are executed, finished ones are kept, and the table is read.
 
 ``encircle.study("loss").table()`` runs what is missing and returns the table as a pandas frame.
 """
@@ -18,8 +18,8 @@ from encircle.protocol.process.tracebacks import TRACEBACK_IN
 from encircle.runner.links import LINKS
 from encircle.studies.plan import Plan
 from encircle.studies.sources import code
-from encircle.studies.table import StudyTable
-from encircle.studies.tasks import FAILED, TRACE, Row, Task
+from encircle.studies.study_table import StudyTable
+from encircle.studies.tasks import FAILED, TRACEBACK, Row, Task
 from encircle.studies.workers import in_processes, on_cluster
 from encircle.world.loading.remarks import ScenarioRemark
 
@@ -27,15 +27,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TASK_RUNS = 8
-TRACES_MAX = 100
-"""Tracebacks that are kept of runs that failed; they are seldom more than a few different ones."""
+TRACEBACKS_MAX = 100
+"""How many tracebacks of failed runs are stored; few of them differ from each other."""
 Progress = Callable[[int, int], None]
 
 
 class Study:
-    """A plan and the directory of its table. ``directory``: ``runs/study-NAME`` by default.
+    """A plan and the directory of its table.
 
-    Nothing is written before ``run`` or ``table`` is called.
+    ``directory``: ``runs/study-NAME`` by default. Nothing is written before ``run`` or
+    ``table`` is called.
     """
 
     def __init__(self, plan: Plan, directory: str | Path | None = None) -> None:
@@ -50,16 +51,17 @@ class Study:
         cluster: str | None = None,
         progress: Progress | None = None,
     ) -> int:
-        """Run what is missing, and again what failed; returns how many runs that were.
+        """Execute the runs that are missing or have failed; returns how many these were.
 
-        ``link``: ``memory``, on ``workers`` processes of this machine (one per core by default) or
-        on the dask cluster at ``cluster``; or ``zenoh``, one run after the other through robot
-        processes that are kept. ``progress`` is called with the numbers of runs that are done and
-        that there are. A run that fails stands as failed in the table, its traceback in a file
-        under ``failed``, and the others go on. Raises ``StudyError`` for a directory that is
-        another study's and ``StudyFailed`` if not everything could be run, ``Interrupted`` after
-        Ctrl-C; the same call then goes on. Warns with ``ScenarioRemark`` of cells that may not be
-        what was meant.
+        ``link``: ``memory`` or ``zenoh``. In memory the runs are executed by ``workers``
+        processes of this machine (one per core by default), or by the dask cluster at
+        ``cluster``. Over Zenoh they are executed one after the other, by robot processes
+        that stay for all runs. ``progress`` is called with the numbers of finished runs and
+        of all runs. A run that fails is entered in the table as failed, its traceback is
+        written to a file under ``failed``, and the other runs go on. Raises ``StudyError``
+        if the directory belongs to another study, ``StudyFailed`` if not everything could
+        be run, and ``Interrupted`` after Ctrl-C; the same call then goes on where it
+        stopped. Warns with ``ScenarioRemark`` of cells that may not be what the user meant.
         """
         if link not in LINKS:
             raise ValueError(f"link {link!r}: must be one of {', '.join(LINKS)}")
@@ -71,20 +73,21 @@ class Study:
             done = self.plan.runs - missing
             tell(done, self.plan.runs)
             if missing:
-                todo = tasks(self.plan, table.done)
+                todo = missing_tasks(self.plan, table.done)
                 sources = table.owner["code"]
                 with closing(self._rows(todo, sources, link, workers, cluster)) as finished:
                     for rows in finished:
-                        table.append([self._without_trace(row) for row in rows])
+                        table.append([self._with_traceback_saved(row) for row in rows])
                         done += len(rows)
                         tell(done, self.plan.runs)
             table.merge()
         return missing
 
     def table(self) -> "pd.DataFrame":
-        """The whole table, one row per run by cell and seed; what is missing is run first.
+        """The whole table, one row per run, by cell and seed; missing runs are executed first.
 
-        Of a run that failed, ``failed`` says how and nothing is measured; a warning counts them.
+        In the row of a failed run the column ``failed`` gives the reason and nothing is
+        measured. A warning counts such runs.
         """
         self.run()
         with closing(self.open()) as table:
@@ -95,18 +98,18 @@ class Study:
         return frame
 
     def open(self) -> StudyTable:
-        """The table, locked until it is closed."""
+        """The table, locked for this process until it is closed."""
         return StudyTable(self.directory, self.plan, {"code": code(self.plan.plugins)})
 
-    def _without_trace(self, row: Row) -> Row:
-        """A row as it goes into the table; the traceback of a run that failed goes into a file."""
-        trace = row.pop(TRACE, "")
+    def _with_traceback_saved(self, row: Row) -> Row:
+        """A row as it goes into the table; the traceback of a failed run goes into a file."""
+        trace = row.pop(TRACEBACK, "")
         if not trace:
             return row
         folder = self.directory / FAILED
         path = folder / f"cell-{row['cell']}-seed-{row['seed']}.txt"
         folder.mkdir(exist_ok=True)
-        if sum(1 for _ in folder.iterdir()) < TRACES_MAX or path.exists():
+        if sum(1 for _ in folder.iterdir()) < TRACEBACKS_MAX or path.exists():
             path.write_bytes(f"{row[FAILED]}\n\n{trace}".encode(errors="backslashreplace"))
             row[FAILED] += f"{TRACEBACK_IN}{path}"
         return row
@@ -123,13 +126,16 @@ class Study:
         return in_processes(todo, code, workers or os.cpu_count() or 1)
 
 
-def tasks(plan: Plan, done: NDArray[np.bool_]) -> Iterator[Task]:
-    """What is to do, a few seeds of one cell at a time. ``done``: (C, S) cells and seeds."""
+def missing_tasks(plan: Plan, done: NDArray[np.bool_]) -> Iterator[Task]:
+    """The tasks that are missing, a few seeds of one cell each.
+
+    ``done``: (C, S) whether the run of a cell with a seed is in the table.
+    """
     missing = [np.flatnonzero(~row) for row in done]
-    for cell, places in enumerate(missing):
-        if places.size == 0:
+    for cell, seed_indices in enumerate(missing):
+        if seed_indices.size == 0:
             continue
         scenario = plan.scenario_of(cell).model_dump_json(exclude_unset=True)
-        for first in range(0, places.size, TASK_RUNS):
-            seeds = tuple(plan.seed_list[k] for k in places[first : first + TASK_RUNS])
-            yield Task(cell, plan.levels(cell), scenario, seeds, plan.columns, plan.plugins)
+        for first in range(0, seed_indices.size, TASK_RUNS):
+            seeds = tuple(plan.seed_list[k] for k in seed_indices[first : first + TASK_RUNS])
+            yield Task(cell, plan.levels(cell), scenario, seeds, plan.measure_names, plan.plugins)

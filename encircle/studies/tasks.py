@@ -1,7 +1,7 @@
-"""The work of a study: from a task to rows of its table.
+"""One task of a study: runs of one cell in memory, and their rows for the table.
 
-What is done in a worker process, on this machine or another. A task is complete in itself, scenario
-included, and nothing is remembered from one to the next.
+A task is executed in a worker process, on this machine or another. It contains all that it needs,
+the scenario included; nothing is remembered from one task to the next.
 """
 
 import json
@@ -24,79 +24,80 @@ from encircle.world.loading.load import load
 from encircle.world.scenario.model import Scenario
 
 RUN = "study"
-FAILED, TRACE = "failed", "trace"
-"""In a row, how a run failed, empty if it did not; and its traceback, which goes into a file."""
+FAILED, TRACEBACK = "failed", "trace"
+"""Keys of a row: why the run failed, empty if it did not; its traceback, which goes into a file."""
 Row = dict[str, Any]
 
 
 class Task(NamedTuple):
-    """Some seeds of one cell. ``scenario``: the cell's, as JSON; ``columns``: measures to take.
+    """Some seeds of one cell.
 
-    ``plugins``: those that the study uses, in whatever cell.
+    ``scenario``: the cell's scenario as JSON. ``measure_names``: measures to compute.
+    ``plugins``: all plug-ins that the study uses, in any cell.
     """
 
     cell: int
     levels: Mapping[str, Any]
     scenario: str
     seeds: tuple[int, ...]
-    columns: tuple[str, ...]
+    measure_names: tuple[str, ...]
     plugins: Names = ()
 
 
 @lru_cache(maxsize=64)
-def own_code(plugins: Names) -> tuple[str, str]:
-    """``sources.code`` and, as JSON, ``sources.versions`` of this process, as first asked for.
+def code_and_versions(plugins: Names) -> tuple[str, str]:
+    """``sources.code`` and, as JSON, ``sources.versions`` of this process, at the first call.
 
-    What a process has imported stays as it was then, whatever becomes of the files.
+    Modules that a process has imported stay as they were, even if their files change later.
     """
     return sources.code(plugins), json.dumps(sources.versions(plugins))
 
 
 def run_task(task: Task) -> tuple[str, list[Row]]:
     """Run a task in memory; returns the digest of this process's code and a row per seed."""
-    # Before the plug-ins are imported.
-    code = own_code(task.plugins)
+    # The digest must be taken before the plug-ins are imported.
+    code = code_and_versions(task.plugins)
     scenario = load(json.loads(task.scenario))
     return code[0], [run_seed(task, scenario, seed, code) for seed in task.seeds]
 
 
 def run_seed(task: Task, scenario: Scenario, seed: int, code: tuple[str, str]) -> Row:
-    """One run in memory: its row, which says so if the run failed, whatever the reason."""
+    """Run one seed in memory; returns its row, also if the run failed, for whatever reason."""
     begun_s = time.perf_counter()
     collector = RunLogCollector()
     try:
         result = run_in_memory(build(scenario, seed), RUN, bounded_log(), observer=collector)
-        return row(task, collector.log(), result.digest, begun_s, code)
+        return result_row(task, collector.log(), result.digest, begun_s, code)
     except RunEndedByPlugin as error:
         return failed_row(task, seed, str(error), error.failed.trace, begun_s, code)
     except PluginFailed as error:
         return failed_row(task, seed, str(error), error.trace, begun_s, code)
     except Exception as error:
-        # It is this run's, and no reason to lose the others.
+        # An error in one run must not end the other runs.
         trace = "".join(traceback.format_exception(error))
         return failed_row(task, seed, error_line(error), trace, begun_s, code)
 
 
-def row(task: Task, log: RunLog, digest: str, begun_s: float, code: tuple[str, str]) -> Row:
-    """A run's row: axes, seed, digest, outcome, measures, versions.
+def result_row(task: Task, log: RunLog, digest: str, begun_s: float, code: tuple[str, str]) -> Row:
+    """The row of a finished run: axes, seed, digest, outcome, measures, versions.
 
-    ``begun_s``: ``perf_counter`` when the run began; ``code``: as from ``own_code``.
+    ``begun_s``: ``perf_counter`` when the run began; ``code``: as from ``code_and_versions``.
     """
-    measured = {name: float(value) for name, value in measure(log, task.columns).items()}
+    measured = {name: float(value) for name, value in measure(log, task.measure_names).items()}
     outcome = (digest, float(log.captured), log.ticks, "")
-    return _row(task, log.seed, outcome, measured, begun_s, code)
+    return _common_row(task, log.seed, outcome, measured, begun_s, code)
 
 
 def failed_row(
     task: Task, seed: int, failure: str, trace: str, begun_s: float, code: tuple[str, str]
 ) -> Row:
-    """The row of a run that failed: nothing was measured. ``trace`` goes with it to its file."""
-    nothing = dict.fromkeys(task.columns, nan)
-    base_row = _row(task, seed, ("", nan, 0, failure), nothing, begun_s, code)
-    return {**base_row, TRACE: trace}
+    """The row of a failed run, without measures; ``trace`` is its traceback."""
+    nothing = dict.fromkeys(task.measure_names, nan)
+    base_row = _common_row(task, seed, ("", nan, 0, failure), nothing, begun_s, code)
+    return {**base_row, TRACEBACK: trace}
 
 
-def _row(
+def _common_row(
     task: Task,
     seed: int,
     outcome: tuple[str, float, int, str],

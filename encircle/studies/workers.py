@@ -1,7 +1,7 @@
-"""Who runs the runs of a study: processes of this machine, or workers of a dask cluster.
+"""Where the runs of a study are executed: processes of this machine, or workers of a dask cluster.
 
-Both take tasks and yield rows as they are finished, in any order, with a bounded number of tasks
-under way; what the rows say does not depend on who made them.
+Both functions take tasks and yield rows in the order in which they are finished, with a bounded
+number of tasks at a time. The rows do not depend on who computed them, apart from the duration.
 """
 
 import time
@@ -23,19 +23,19 @@ RETRIES = 3
 
 
 class StudyFailed(Exception):
-    """A study that stopped before its end; what was finished is in its table."""
+    """A study stopped before its end; finished runs are in its table."""
 
 
 def in_processes(tasks: Iterator[Task], code: str, workers: int) -> Generator[list[Row]]:
-    """Run tasks on processes of this machine.
+    """Run tasks on processes of this machine; yields the rows of each finished task.
 
-    ``code``: the digest of the sources that they must run. ``StudyFailed`` if they do not, as when
-    a source is changed now, or if one of them dies.
+    ``code``: digest of the sources that the processes must run. Raises ``StudyFailed`` if one
+    runs others, because a source was changed in the meantime, or if one of them dies.
     """
     with closing(pool.in_processes(work.run_task, tasks, workers)) as done:
         try:
             for answer in done:
-                yield _checked(answer, code)
+                yield _checked_rows(answer, code)
         except BrokenProcessPool:
             raise StudyFailed(
                 "a worker process died; the same command goes on from here"
@@ -44,11 +44,11 @@ def in_processes(tasks: Iterator[Task], code: str, workers: int) -> Generator[li
 
 
 def on_cluster(tasks: Iterator[Task], code: str, address: str) -> Generator[list[Row]]:
-    """Run tasks on the workers of the dask scheduler at an address.
+    """Run tasks on the workers of the dask scheduler at an address; yields rows as they finish.
 
-    A worker that dies has its tasks run by another. Raises ``StudyFailed`` if there is no
-    scheduler, no worker for ``WORKERLESS_S_MAX``, or one that runs other sources than those of the
-    digest ``code``, this program's or a plug-in's.
+    Tasks of a worker that dies are run by another. Raises ``StudyFailed`` if there is no
+    scheduler, if there is no worker for ``WORKERLESS_S_MAX``, or if a worker runs sources other
+    than those with the digest ``code``, this program's or a plug-in's.
     """
     from distributed import Client
 
@@ -68,15 +68,15 @@ def _from_cluster(client: Any, tasks: Iterator[Task], code: str) -> Iterator[lis
         waiting.add(client.submit(work.run_task, task, pure=False, retries=RETRIES))
         threads = sum(client.nthreads().values())
         while len(waiting) >= TASKS_PER_WORKER * max(1, threads):
-            done, waiting = _some(client, waiting)
+            done, waiting = _wait_for_some(client, waiting)
             yield from (_result(future, code) for future in done)
     while waiting:
-        done, waiting = _some(client, waiting)
+        done, waiting = _wait_for_some(client, waiting)
         yield from (_result(future, code) for future in done)
 
 
-def _some(client: Any, waiting: set[Any]) -> tuple[set[Any], set[Any]]:
-    """The finished ones and the others, once there is a finished one."""
+def _wait_for_some(client: Any, waiting: set[Any]) -> tuple[set[Any], set[Any]]:
+    """The finished tasks and the others, as soon as one task is finished."""
     from distributed import wait
 
     seen_s = time.monotonic()
@@ -99,11 +99,11 @@ def _result(future: Any, code: str) -> list[Row]:
         answer = future.result()
     except Exception as error:
         raise StudyFailed(f"a worker of the cluster failed: {error}") from error
-    return _checked(answer, code)
+    return _checked_rows(answer, code)
 
 
-def _checked(answer: tuple[str, list[Row]], code: str) -> list[Row]:
-    """A task's rows, if the worker runs the same code as we do."""
+def _checked_rows(answer: tuple[str, list[Row]], code: str) -> list[Row]:
+    """A task's rows; raises ``StudyFailed`` if the worker runs other code than this process."""
     theirs, rows = answer
     if theirs != code:
         raise StudyFailed(

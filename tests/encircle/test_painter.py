@@ -9,7 +9,7 @@ from helpers_waiting import completed, until
 
 import encircle
 from encircle.cli.painter import Painter
-from encircle.figures.figures import picture_of_run
+from encircle.figures.run_figures import picture_of_run
 
 DRAW = (
     "import sys; from pathlib import Path; from encircle.cli.painter import Painter;"

@@ -1,4 +1,4 @@
-"""Oracles and shapes of runs for the tests of intervals and tests."""
+"""Oracles and distributions of runs for the tests of intervals and comparisons."""
 
 from math import sqrt
 
@@ -17,7 +17,7 @@ def wilson(captured, n):
 
 
 def assert_covers(hits, least, most):
-    """That coverage in [least, most] is not refuted; it would be by chance below 1e-6."""
+    """Assert that a coverage in [least, most] is not refuted; false alarms are rarer than 1e-6."""
     hits = list(hits)
     fewest = stats.binom.ppf(5e-7, len(hits), least)
     largest = stats.binom.isf(5e-7, len(hits), most)
@@ -40,7 +40,7 @@ TICKS_MAX = 300
 
 
 class Shape:
-    """A joint law of the ticks (0 to ``TICKS_MAX``) of two cells on a seed, and what is true of it.
+    """A joint distribution of the ticks (0 to ``TICKS_MAX``) of two cells on a seed, and its truth.
 
     ``joint``: (T, T), the chance of each pair of ticks, a's by row.
     """
@@ -55,16 +55,16 @@ class Shape:
         self.rate = float(a[-1] - b[-1])
 
     def runs(self, rng, studies, seeds):
-        """Ticks (studies, seeds, 2) drawn from it."""
-        places = np.searchsorted(self.joint.ravel().cumsum(), rng.random((studies, seeds)))
-        places = np.minimum(places, self.joint.size - 1)
-        return np.stack(np.divmod(places, TICKS_MAX + 1), axis=-1).astype(float)
+        """Ticks (studies, seeds, 2) drawn from the distribution."""
+        outcomes = np.searchsorted(self.joint.ravel().cumsum(), rng.random((studies, seeds)))
+        outcomes = np.minimum(outcomes, self.joint.size - 1)
+        return np.stack(np.divmod(outcomes, TICKS_MAX + 1), axis=-1).astype(float)
 
 
 def cell(middle, spread, failing, late=0.0):
-    """Chances of each tick: rounded normal times, some late up to the limit, some without capture.
+    """Chances of each tick: rounded normal times, some late ones, some runs without capture.
 
-    No ``spread``: all are the same tick.
+    Without ``spread`` all times are the same tick.
     """
     ticks = np.arange(TICKS_MAX + 1)
     at_once = stats.norm.pdf(ticks, middle, spread) if spread else (ticks == middle) * 1.0
@@ -83,12 +83,15 @@ def exponential(mean):
 
 
 def apart(a, b):
-    """Two cells whose runs have nothing in common."""
+    """Two cells whose runs are independent."""
     return Shape(np.outer(a, b))
 
 
 def on_common_seeds(failing_both, failing_b, moved):
-    """Two cells whose runs mostly end at the same tick; ``moved``: how often b's by one."""
+    """Two cells whose runs mostly end at the same tick.
+
+    ``moved``: share in which b's differ by one.
+    """
     same = np.diag(cell(36, 2, 0.0))
     joint = (1 - 2 * moved) * same + moved * np.roll(same, 1, axis=1) + moved * np.roll(same, -1, 1)
     shown = np.zeros_like(joint)

@@ -1,4 +1,4 @@
-"""A page of HTML taken apart, for the tests of reports."""
+"""A parser of HTML pages for the tests of reports."""
 
 from html.parser import HTMLParser
 
@@ -6,7 +6,7 @@ VOID = {"meta", "img", "br", "link"}
 
 
 class Page(HTMLParser):
-    """A page taken apart; asserts that every element is closed where it should be."""
+    """A parsed page; asserts that every element is closed where it should be."""
 
     def __init__(self, text):
         super().__init__()
@@ -43,6 +43,6 @@ class Page(HTMLParser):
             self.tables[-1][-1][-1] += data
 
     def table(self, beginning):
-        """The rows of the table whose caption begins so."""
+        """The rows of the table whose caption begins with a text."""
         place = [c.startswith(beginning) for c in self.words["caption"]].index(True)
         return self.tables[place]

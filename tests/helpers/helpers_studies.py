@@ -16,7 +16,7 @@ from scipy.special import ndtr
 
 from encircle.studies.plan import Plan
 from encircle.studies.plan_files import load_plan
-from encircle.studies.table import StudyTable
+from encircle.studies.study_table import StudyTable
 
 CODE = {"code": "c0de"}
 VERSIONS = {"python": "3.11.0", "encircle": "0.1.0"}
@@ -51,20 +51,23 @@ ARMS = {
 
 
 class Truth(NamedTuple):
-    """What a cell is like: mean time to capture in s, infinite for never; mean age in ticks."""
+    """The distribution of a cell: mean time to capture in s, infinite for never.
+
+    Mean age in ticks.
+    """
 
     mean_s: float
     age_ticks: float = 1.0
 
 
 def study_plan(**changes: Any) -> Plan:
-    """A plan over simulation 1, of one cell and few measures but for what is given."""
+    """A plan over simulation 1 with one cell and few measures, changed by the arguments."""
     tree = {"scenario": "sim1", "set": {"channel.loss.model": "bernoulli"}, "measures": MEASURED}
     return load_plan({**tree, **changes})
 
 
 def loss_only(levels: Mapping[str, Any]) -> Truth:
-    """Capture is slower the more packets are lost, and slower for any strategy but the first."""
+    """Capture is slower the more packets are lost, and slower for all strategies but the first."""
     slower = 1.0 if levels.get("strategy", "xi-star") == "xi-star" else 1.6
     loss = float(levels.get("loss", 0.0)) + 0.5 * float(levels.get("delay", 0.0))
     return Truth(slower * 8.0 / max(1.0 - loss, 0.05), 1.0 + 20.0 * loss)
@@ -103,7 +106,7 @@ def _rows(
             "delay_s_mean": scenario.tick_s / 2.0
             + scenario.channel.delay.mean_s * own.uniform(1, 1.1),
         }
-        numbers = {name: measured.get(name, own.gamma(4.0, 2.0)) for name in plan.columns}
+        numbers = {name: measured.get(name, own.gamma(4.0, 2.0)) for name in plan.measure_names}
         rows.append(
             {"cell": cell, **levels, "seed": seed, "digest": f"{cell}-{seed}"}
             | {"captured": float(captured), "ticks": ticks, "failed": ""}

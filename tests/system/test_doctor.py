@@ -1,4 +1,4 @@
-"""The doctor's findings, each against something that is made to be so. About 15 s altogether."""
+"""The results of ``encircle doctor`` in situations that the tests create. About 15 s altogether."""
 
 import json
 import os
@@ -59,12 +59,12 @@ class Examined(NamedTuple):
 def examine(capsys):
     def run(*arguments, check_s=LONGEST_S):
         status = doctor.main([*arguments, "--json", "--check-timeout", f"{check_s}"])
-        told = json.loads(capsys.readouterr().out)
-        findings = [checkup.CheckResult(**finding) for finding in told["findings"]]
-        assert told["well"] == (status == 0)
+        printed = json.loads(capsys.readouterr().out)
+        findings = [checkup.CheckResult(**finding) for finding in printed["findings"]]
+        assert printed["well"] == (status == 0)
         assert status == any(finding.level == "wrong" for finding in findings)
         assert all(finding.advice for finding in findings if finding.level != "ok")
-        return Examined(status, told["well"], findings)
+        return Examined(status, printed["well"], findings)
 
     return run
 
@@ -73,17 +73,17 @@ def examine(capsys):
 
 
 def test_without_options_it_examines_this_machine(examine):
-    found = examine()
-    assert {finding.check for finding in found.findings} >= {
+    result = examine()
+    assert {finding.check for finding in result.findings} >= {
         *("versions", "memory", "cores", "temporary files", "recordings"),
     }
-    assert f"wire version {VERSION}" in found.said("versions", "ok")
+    assert f"wire version {VERSION}" in result.said("versions", "ok")
     assert not Path("runs").exists()
 
 
 def test_as_text_it_says_what_to_do_and_the_verdict(capsys, monkeypatch):
     gone = checkup.CheckResult("memory", "wrong", "none is left", "buy some")
-    monkeypatch.setattr(doctor, "machine", lambda *_: [gone])
+    monkeypatch.setattr(doctor, "check_machine", lambda *_: [gone])
     assert doctor.main([]) == 1
     assert capsys.readouterr().out.splitlines() == [
         "wrong  memory: none is left",
@@ -107,17 +107,17 @@ def test_packages_that_lack_or_are_too_old_are_named(tmp_path, monkeypatch):
         'Requires-Dist: elsewhere>=1; extra == "more"\n'
     )
     monkeypatch.syspath_prepend(tmp_path)
-    found = checkup.packages("fake")
-    assert [(finding.level, finding.advice) for finding in found] == [
+    result = checkup.check_packages("fake")
+    assert [(finding.level, finding.advice) for finding in result] == [
         ("ok", ""),
         ("wrong", "make an environment with a newer Python"),
         ("wrong", "pip install 'numpy>=99'"),
         ("wrong", "pip install nowhere"),
         ("note", "pip install 'fake[more]'"),
     ]
-    assert "msgpack" in found[0].said
-    assert "numpy" not in found[0].said
-    assert [f.level for f in checkup.packages("not-there-at-all")] == ["wrong"]
+    assert "msgpack" in result[0].said
+    assert "numpy" not in result[0].said
+    assert [f.level for f in checkup.check_packages("not-there-at-all")] == ["wrong"]
 
 
 def written(folder, files):
@@ -143,52 +143,54 @@ V1 = "memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"
 def test_memory_is_the_containers_where_it_has_a_limit(tmp_path, files, level, free_mib):
     written(tmp_path, files)
     (tmp_path / "meminfo").write_text(f"MemTotal: 9 kB\nMemAvailable:   {4000 * 1024} kB\n")
-    found = checkup.memory(tmp_path, tmp_path / "meminfo")
-    assert (found.level, found.said.split()[0]) == (level, str(free_mib))
+    result = checkup.check_memory(tmp_path, tmp_path / "meminfo")
+    assert (result.level, result.said.split()[0]) == (level, str(free_mib))
 
 
 def test_a_share_of_a_core_and_few_files_are_noticed(tmp_path, monkeypatch):
     written(tmp_path, {"cpu.max": "20000 100000\n"})
     monkeypatch.setattr(resource, "getrlimit", lambda _which: (64, 64))
-    found = checkup.cores_and_files(tmp_path)
-    assert [(finding.check, finding.level) for finding in found] == [
+    result = checkup.check_cores_and_files(tmp_path)
+    assert [(finding.check, finding.level) for finding in result] == [
         ("cores", "note"),
         ("files", "wrong"),
     ]
-    assert "0.2" in found[0].said
+    assert "0.2" in result[0].said
 
 
 def test_a_machine_without_limits_has_its_cores(tmp_path):
     written(tmp_path, {"cpu.max": "max 100000\n"})
-    (cores, *_) = checkup.cores_and_files(tmp_path)
+    (cores, *_) = checkup.check_cores_and_files(tmp_path)
     assert cores.said == str(len(os.sched_getaffinity(0)))
 
 
 def test_no_temporary_directory_is_wrong(tmp_path, monkeypatch):
-    assert checkup.temporary_directory().level == "ok"
+    assert checkup.check_temporary_directory().level == "ok"
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
-    assert checkup.temporary_directory().level == "wrong"
+    assert checkup.check_temporary_directory().level == "wrong"
 
 
 @pytest.mark.parametrize("place", ["file/runs", "file", "/proc/runs"])
 @pytest.mark.parametrize(("named", "level"), [(True, "wrong"), (False, "note")])
 def test_a_runs_directory_that_cannot_be_is_wrong_if_it_was_named(tmp_path, place, named, level):
     (tmp_path / "file").write_text("")
-    assert checkup.runs_directory(tmp_path / place, named).level == level
+    assert checkup.check_runs_directory(tmp_path / place, named).level == level
 
 
 def test_a_runs_directory_is_not_made_and_its_disk_must_have_room(tmp_path, monkeypatch):
-    assert checkup.runs_directory(tmp_path / "a" / "b", True).level == "ok"
+    assert checkup.check_runs_directory(tmp_path / "a" / "b", True).level == "ok"
     assert list(tmp_path.iterdir()) == []
     full = shutil.disk_usage(tmp_path)._replace(free=MIB)
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: full)
-    assert checkup.runs_directory(tmp_path, True).level == "wrong"
+    assert checkup.check_runs_directory(tmp_path, True).level == "wrong"
 
 
 def test_a_clock_that_nothing_keeps_is_worth_a_note(monkeypatch):
-    for said, expected in ((True, ["ok"]), (False, ["note"]), (None, [])):
-        monkeypatch.setattr(checkup, "is_synchronised", lambda said=said: said)
-        assert [finding.level for finding in checkup.kept_clock()] == expected
+    for synchronised, expected in ((True, ["ok"]), (False, ["note"]), (None, [])):
+        monkeypatch.setattr(
+            checkup, "is_synchronised", lambda synchronised=synchronised: synchronised
+        )
+        assert [finding.level for finding in checkup.check_clock_service()] == expected
 
 
 # Ports and endpoints
@@ -207,38 +209,38 @@ def test_a_clock_that_nothing_keeps_is_worth_a_note(monkeypatch):
     ],
 )
 def test_a_process_is_ours_by_its_program_and_not_by_where_it_is(command, ours):
-    assert checkup_network.is_ours(command.split()) == ours
+    assert checkup_network.is_encircle_command(command.split()) == ours
 
 
 def test_a_port_is_free_or_it_is_said_who_has_it(examine):
     endpoint = free_endpoint()
     assert examine("--listen", endpoint).said("ports", "ok") == f"{endpoint} is free to listen on"
     with socket.create_server(("127.0.0.1", int(endpoint.rpartition(":")[2]))):
-        found = examine("--listen", endpoint, check_s=1.0)
-    assert found.status == 1
-    assert f"{endpoint} is in use by PID {os.getpid()}: " in found.said("ports", "wrong")
-    # It was looked whether it is the party in question, and it is nothing of the sort.
-    assert "cannot connect" in found.said("session", "wrong")
+        result = examine("--listen", endpoint, check_s=1.0)
+    assert result.status == 1
+    assert f"{endpoint} is in use by PID {os.getpid()}: " in result.said("ports", "wrong")
+    # The process on the port is not one of Encircle's.
+    assert "cannot connect" in result.said("session", "wrong")
 
 
 @pytest.mark.parametrize(
-    ("endpoint", "said"),
+    ("endpoint", "message"),
     [
         ("tcp/192.0.2.1:0", "Cannot assign requested address"),
         ("udp/192.0.2.1:0", "Cannot assign requested address"),
         ("tcp/nowhere.invalid:1", "cannot be listened on"),
     ],
 )
-def test_an_address_that_is_not_here_cannot_be_listened_on(endpoint, said):
-    (found,) = checkup_network.listening_on(endpoint)
-    assert (found.level, said in found.said) == ("wrong", True)
+def test_an_address_that_is_not_here_cannot_be_listened_on(endpoint, message):
+    (result,) = checkup_network.check_listening(endpoint)
+    assert (result.level, message in result.said) == ("wrong", True)
 
 
 def test_listening_beyond_this_machine_is_judged(examine):
     wide = free_endpoint().replace("127.0.0.1", "0.0.0.0")
     assert levels(examine("--listen", wide).findings, "access") == ["wrong"]
-    said = examine("--listen", wide, "--without-authentication")
-    assert levels(said.findings, "access") == ["note"]
+    result = examine("--listen", wide, "--without-authentication")
+    assert levels(result.findings, "access") == ["note"]
 
 
 @pytest.mark.parametrize(
@@ -258,24 +260,24 @@ def test_whatever_keeps_an_endpoint_from_answering_has_its_advice(monkeypatch, e
 
     monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: [(0, 0, 0, "", ("", 0))])
     monkeypatch.setattr(socket, "create_connection", fails)
-    (found,) = checkup_network.connecting_to("tcp/there:1", 1.0)
-    assert found.level == "wrong"
-    assert found.advice.startswith(advice)
+    (result,) = checkup_network.check_connecting("tcp/there:1", 1.0)
+    assert result.level == "wrong"
+    assert result.advice.startswith(advice)
 
 
 def test_nothing_there_is_said_and_no_session_tried(examine):
     endpoint = free_endpoint()
-    found = examine("--connect", endpoint, "--run", "t")
-    assert f"{endpoint} cannot be reached: Connection refused" == found.said("endpoints", "wrong")
-    assert found.of("session") == found.of("run") == []
+    result = examine("--connect", endpoint, "--run", "t")
+    assert f"{endpoint} cannot be reached: Connection refused" == result.said("endpoints", "wrong")
+    assert result.of("session") == result.of("run") == []
 
 
 def test_a_step_that_never_ends_is_given_up(examine, monkeypatch):
     ended = []
     monkeypatch.setattr(os, "_exit", ended.append)
-    monkeypatch.setattr(doctor, "connecting_to", lambda *_: threading.Event().wait())
-    found = examine("--connect", "tcp/127.0.0.1:1", check_s=2.0)
-    assert "no end after 4 s" in found.said("endpoints", "wrong")
+    monkeypatch.setattr(doctor, "check_connecting", lambda *_: threading.Event().wait())
+    result = examine("--connect", "tcp/127.0.0.1:1", check_s=2.0)
+    assert "no end after 4 s" in result.said("endpoints", "wrong")
     assert ended == [1]
 
 
@@ -291,14 +293,14 @@ def test_what_a_step_raises_comes_through():
 def router():
     endpoint = free_endpoint()
     with open_session(Endpoints(listen=(endpoint,), mode="router")) as session:
-        kept = serve_queries(session, ROUTER_KEY, info_replier("router", now_us))
+        subscription = serve_queries(session, ROUTER_KEY, info_replier("router", now_us))
         yield endpoint
-        del kept
+        del subscription
 
 
 @pytest.fixture
 def node(router):
-    """Have a party of a run be there: its token, and what it answers, if it does."""
+    """Simulate a node of a run: its liveliness token, and its answer to queries, if any."""
     links = []
 
     def appear(name, run="t", reply=None, answers=True):
@@ -317,16 +319,16 @@ def node(router):
 
 
 def settled(examine, router, *arguments):
-    """The findings once all tokens have come to the router."""
+    """The results once all tokens have reached the router."""
     return examined(examine, "--connect", router, *arguments)
 
 
-def examined(examine, *arguments, holds=lambda found: found.status == 0):
-    """The findings once something holds of them."""
+def examined(examine, *arguments, holds=lambda result: result.status == 0):
+    """The results once a condition holds for them."""
 
     def looked():
-        found = examine(*arguments)
-        return found if holds(found) else None
+        result = examine(*arguments)
+        return result if holds(result) else None
 
     return until(looked, "what was declared to be found")
 
@@ -334,14 +336,14 @@ def examined(examine, *arguments, holds=lambda found: found.status == 0):
 def test_all_is_well_with_a_run_that_is_whole(examine, router, node):
     for name in ("r2", "world", "r1"):
         node(name)
-    found = settled(examine, router, "--run", "t")
-    assert found.status == 0
-    assert found.said("run", "ok") == "run t: world, r1, r2"
+    result = settled(examine, router, "--run", "t")
+    assert result.status == 0
+    assert result.said("run", "ok") == "run t: world, r1, r2"
     for name in ("router", "world", "r1", "r2"):
-        assert f"{name}: wire version {VERSION}" in found.said("versions", "ok")
-    clocks = [f.said.split() for f in found.of("clock") if "this one" in f.said]
+        assert f"{name}: wire version {VERSION}" in result.said("versions", "ok")
+    clocks = [f.said.split() for f in result.of("clock") if "this one" in f.said]
     assert [words[0] for words in clocks] == ["router's", "world's", "r1's", "r2's"]
-    # They are one clock, so what is estimated may be wrong by no more than its bound.
+    # Both read the same clock, so the estimate may be wrong by its error bound at most.
     for words in clocks:
         assert float(words[2]) <= float(words[words.index("within") + 1])
 
@@ -351,37 +353,37 @@ def test_without_a_runs_name_all_runs_are_listed(examine, router, node):
     assert "no run is under way" in nothing.said("run", "note")
     node("world", run="one")
     node("r1", run="two")
-    found = examined(examine, "--connect", router, holds=lambda found: len(found.of("run")) == 2)
-    assert found.said("run", "ok") == "run one: world | run two: r1"
+    result = examined(examine, "--connect", router, holds=lambda result: len(result.of("run")) == 2)
+    assert result.said("run", "ok") == "run one: world | run two: r1"
 
 
 def test_who_is_missing_is_named(examine, router, node):
-    found = examine("--connect", router, "--run", "t")
-    assert "run t has no world there" in found.said("run", "wrong")
+    result = examine("--connect", router, "--run", "t")
+    assert "run t has no world there" in result.said("run", "wrong")
     node("world")
     settled(examine, router, "--run", "t")
     node("r1")
     node("r3")
-    asked = settled(examine, router, "--run", "t", "--robot", "r3")
-    assert asked.status == 0
-    found = examine("--connect", router, "--run", "t")
-    assert found.said("run", "wrong") == "run t has no r2 there"
-    found = examine("--connect", router, "--run", "t", "--robot", "r4")
-    assert found.said("run", "wrong") == "run t has no r4 there"
+    queried = settled(examine, router, "--run", "t", "--robot", "r3")
+    assert queried.status == 0
+    result = examine("--connect", router, "--run", "t")
+    assert result.said("run", "wrong") == "run t has no r2 there"
+    result = examine("--connect", router, "--run", "t", "--robot", "r4")
+    assert result.said("run", "wrong") == "run t has no r4 there"
 
 
 @pytest.mark.parametrize(("ahead_s", "level"), [(0.2, "note"), (-0.2, "note"), (7.0, "wrong")])
 def test_a_clock_that_is_off_is_found_to_be(examine, router, node, ahead_s, level):
     node("world", reply=info_replier("world", lambda: now_us() + int(ahead_s * 1e6)))
 
-    def of_world(found):
-        return [f for f in found.of("clock") if f.said.startswith("world's")]
+    def of_world(result):
+        return [f for f in result.of("clock") if f.said.startswith("world's")]
 
     offsets = of_world(examined(examine, "--connect", router, "--run", "t", holds=of_world))
-    ((_, _, said, _),) = offsets
+    ((_, _, message, _),) = offsets
     assert offsets[0].level == level
-    words = said.split()
-    estimate_s = float(words[2]) * (1 if "ahead" in said else -1)
+    words = message.split()
+    estimate_s = float(words[2]) * (1 if "ahead" in message else -1)
     assert abs(estimate_s - ahead_s) <= float(words[words.index("within") + 1])
 
 
@@ -402,40 +404,40 @@ def test_parties_of_another_version_and_of_none_are_told_apart(examine, router, 
     thread.start()
     try:
         whole = "run t: world, r1, r2, r3, r4"
-        found = examined(
+        result = examined(
             examine,
             *("--connect", router, "--run", "t"),
-            holds=lambda found: found.said("run", "ok") == whole,
+            holds=lambda result: result.said("run", "ok") == whole,
         )
     finally:
         stop.set()
         thread.join()
-    assert f"r1 speaks version 2 of the wire, this is {VERSION}" in found.said("versions", "wrong")
-    assert "r4 speaks version 1 of the wire" in found.said("versions", "wrong")
-    assert "r2 answers something else" in found.said("versions", "note")
-    assert "r3 says nothing of itself" in found.said("versions", "note")
+    assert f"r1 speaks version 2 of the wire, this is {VERSION}" in result.said("versions", "wrong")
+    assert "r4 speaks version 1 of the wire" in result.said("versions", "wrong")
+    assert "r2 answers something else" in result.said("versions", "note")
+    assert "r3 says nothing of itself" in result.said("versions", "note")
 
 
 def test_a_router_of_other_make_is_only_noted(examine):
     endpoint = free_endpoint()
     with open_session(Endpoints(listen=(endpoint,), mode="router")):
-        found = examine("--connect", endpoint)
-    assert found.status == 0
+        result = examine("--connect", endpoint)
+    assert result.status == 0
 
 
 def test_what_answers_but_is_no_zenoh_is_said(examine):
     with socket.create_server(("127.0.0.1", 0)) as server:
-        found = examine("--connect", f"tcp/127.0.0.1:{server.getsockname()[1]}", check_s=1.0)
-    assert [f.level for f in found.of("endpoints")] == ["ok"]
-    assert "cannot connect" in found.said("session", "wrong")
+        result = examine("--connect", f"tcp/127.0.0.1:{server.getsockname()[1]}", check_s=1.0)
+    assert [f.level for f in result.of("endpoints")] == ["ok"]
+    assert "cannot connect" in result.said("session", "wrong")
 
 
 def test_asking_comes_to_an_end(examine, router, node, monkeypatch):
     node("world")
     settled(examine, router, "--run", "t")
     monkeypatch.setattr(doctor, "ASKING_S_MAX", 0.0)
-    found = examine("--connect", router, "--run", "t")
-    assert "were not asked" in found.said("versions", "note")
+    result = examine("--connect", router, "--run", "t")
+    assert "were not asked" in result.said("versions", "note")
 
 
 # With certificates
@@ -451,27 +453,27 @@ def test_certificates_let_it_ask_who_they_are(examine, lab, tmp_path):
     gate = Endpoints(listen=(endpoint,), mode="router", identity=lab.identity("router"))
     world = Endpoints(connect=(endpoint,), identity=lab.identity("world"))
     with open_session(gate) as session:
-        kept = serve_queries(session, ROUTER_KEY, info_replier("router", now_us))
+        subscription = serve_queries(session, ROUTER_KEY, info_replier("router", now_us))
         link = ZenohConnection(world, robot_key("t", "*", "*"))
         try:
             link.answer_info_queries(world_key("t", "about"), "world")
             link.declare_alive(world_key("t", "alive"))
             secured = ("--connect", endpoint, "--certificates", str(lab.directory), "--run", "t")
-            found = examined(examine, *secured)
-            assert found.said("run", "ok") == "run t: world"
+            result = examined(examine, *secured)
+            assert result.said("run", "ok") == "run t: world"
             for name in ("router", "world"):
-                assert f"{name}: wire version {VERSION}" in found.said("versions", "ok")
+                assert f"{name}: wire version {VERSION}" in result.said("versions", "ok")
             stranger = examine("--connect", endpoint.replace("tls/", "tcp/"), check_s=1.0)
             assert "cannot connect" in stranger.said("session", "wrong")
         finally:
             link.close()
-        del kept
-    found = examine("--connect", endpoint, "--certificates", str(tmp_path))
-    assert found.said("certificates", "wrong").startswith(f"certificates = {tmp_path}")
+        del subscription
+    result = examine("--connect", endpoint, "--certificates", str(tmp_path))
+    assert result.said("certificates", "wrong").startswith(f"certificates = {tmp_path}")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--robot", "r1"], "its --run is missing"),
         (["--run", "t"], "where? Give --connect"),
@@ -480,13 +482,13 @@ def test_certificates_let_it_ask_who_they_are(examine, lab, tmp_path):
         (["--zenoh-config", "nowhere.json5"], "No such file"),
     ],
 )
-def test_bad_usage_is_status_2(capsys, arguments, said):
+def test_bad_usage_is_status_2(capsys, arguments, message):
     with pytest.raises(SystemExit) as ended:
         doctor.main(arguments)
     assert ended.value.code == 2
-    assert said in capsys.readouterr().err.splitlines()[-1]
+    assert message in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_robots_are_listed_in_their_order():
     keys = {robot_key("t", f"r{k}", "alive") for k in (10, 2, 1)} | {world_key("t", "alive")}
-    assert checkup_run._by_run(keys) == {"t": ["world", "r1", "r2", "r10"]}
+    assert checkup_run._nodes_by_run(keys) == {"t": ["world", "r1", "r2", "r10"]}

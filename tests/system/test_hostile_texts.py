@@ -28,8 +28,8 @@ from encircle.cli import display
 from encircle.cli import main as cli
 from encircle.cli.display import Display
 from encircle.doctor import doctor
-from encircle.figures.figures import draw_run
-from encircle.network.transport import visible
+from encircle.figures.run_figures import draw_run
+from encircle.network.transport_tables import plain_text
 from encircle.protocol import VERSION
 from encircle.protocol.codec import encode
 from encircle.protocol.keys import robot_key, world_key
@@ -290,10 +290,10 @@ def test_a_running_hunt_shows_what_it_is_told_as_it_is(capsys):
 def test_rich_finds_no_marks_of_its_own_in_it():
     console = Console(width=200)
     with console.capture() as captured:
-        console.print(visible(f"[red]x[/red]{EVIL}"))
+        console.print(plain_text(f"[red]x[/red]{EVIL}"))
     assert captured.get().rstrip("\n") == f"[red]x[/red]{printable(EVIL)}"
-    assert isinstance(visible(""), Text)
-    assert display.visible is visible
+    assert isinstance(plain_text(""), Text)
+    assert display.visible is plain_text
 
 
 def test_a_study_shows_its_texts_as_they_are(tmp_path, capsys):

@@ -1,1 +1,1 @@
-"""Figures of a study."""
+"""The figures of a study: rates and times along axes, maps, survival, age, differences."""

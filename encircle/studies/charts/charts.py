@@ -1,7 +1,8 @@
-"""The figures of a study: those that its axes allow, each as PNG to look at and PDF to print.
+"""All figures of a study that its axes allow, each as a PNG for screens and a PDF for print.
 
-Rates and times along each axis, heat maps over two numeric ones, survival curves, outcome against
-age of information, differences on common seeds. A study of a single cell has its survival curve.
+These are rates and times along each axis, heat maps over two numeric axes, survival curves, outcome
+against age of information, and differences on common seeds. A study of a single cell has its
+survival curve only.
 """
 
 from collections.abc import Iterator
@@ -12,11 +13,11 @@ import matplotlib
 
 from encircle.studies.charts.age import draw_age
 from encircle.studies.charts.differences import draw_differences
-from encircle.studies.charts.frames import COLUMN_IN, LOOK, DrawnFigure, save_both
-from encircle.studies.charts.lines import RATE, TIME, draw_against
+from encircle.studies.charts.frames import COLUMN_IN, STUDY_STYLE, DrawnFigure, save_png_and_pdf
+from encircle.studies.charts.layout import LINES_MAX, varied_axes
+from encircle.studies.charts.lines import RATE, TIME, draw_along_axis
 from encircle.studies.charts.maps import draw_maps
 from encircle.studies.charts.survival import draw_survival
-from encircle.studies.charts.views import LINES_MAX, varied
 from encircle.studies.plan import Axis, Plan
 from encircle.studies.summary import Summary
 
@@ -24,7 +25,10 @@ FIGURES = "figures"
 
 
 class Chart(NamedTuple):
-    """A figure on disk: ``path`` of its PNG, the PDF beside it; ``wide``: wider than a column."""
+    """A figure on disk.
+
+    ``path``: its PNG; the PDF is beside it. ``wide``: wider than a column of the page.
+    """
 
     path: Path
     caption: str
@@ -33,13 +37,13 @@ class Chart(NamedTuple):
 
 
 def write_charts(summary: Summary, directory: Path) -> tuple[Chart, ...]:
-    """Draw all figures into ``figures`` under a directory."""
+    """Draw all figures into the directory ``figures`` in a directory."""
     folder = directory / FIGURES
     folder.mkdir(parents=True, exist_ok=True)
     charts = []
-    with matplotlib.rc_context(LOOK):
+    with matplotlib.rc_context(STUDY_STYLE):
         for drawn in charts_of(summary):
-            save_both(drawn, folder)
+            save_png_and_pdf(drawn, folder)
             wide = bool(drawn.figure.get_size_inches()[0] > COLUMN_IN)
             charts.append(Chart(folder / f"{drawn.name}.png", drawn.caption, drawn.alt, wide))
     return tuple(charts)
@@ -48,9 +52,9 @@ def write_charts(summary: Summary, directory: Path) -> tuple[Chart, ...]:
 def charts_of(summary: Summary) -> Iterator[DrawnFigure]:
     """The figures, drawn one at a time in their order."""
     plan = summary.plan
-    for axis in drawn_along(plan):
+    for axis in axes_to_draw(plan):
         for quantity in (RATE, TIME):
-            yield draw_against(summary, axis, quantity)
+            yield draw_along_axis(summary, axis, quantity)
     yield from draw_maps(summary)
     yield draw_survival(summary)
     for draw in (draw_age, draw_differences):
@@ -58,9 +62,9 @@ def charts_of(summary: Summary) -> Iterator[DrawnFigure]:
             yield drawn
 
 
-def drawn_along(plan: Plan) -> list[Axis]:
-    """The axes to draw along: numeric ones, and named ones that these do not show wholly."""
-    axes = varied(plan)
+def axes_to_draw(plan: Plan) -> list[Axis]:
+    """The axes to draw along: all numeric ones, and named ones with too many levels for lines."""
+    axes = varied_axes(plan)
     numeric = [axis for axis in axes if axis.numeric]
     named = [axis for axis in axes if not axis.numeric]
     if not numeric:

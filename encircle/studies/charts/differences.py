@@ -1,7 +1,7 @@
 """The forest plot of a study's comparisons: each level minus the baseline, on common seeds.
 
-Rates differ in percentage points. A filled marker says that the difference is decided: its interval
-leaves out zero and its p does so too, corrected for all tests of the study.
+Rates differ in percentage points. A filled marker means that the difference is decided: its
+interval leaves out zero, and its p, corrected for all tests of the study, is small enough.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,29 +19,29 @@ from encircle.studies.charts.frames import (
     TALL_IN,
     DrawnFigure,
     add_legend,
-    legend_of,
+    legend_layout,
     line_handles,
-    look,
+    line_style,
 )
-from encircle.studies.charts.lines import limit_text
-from encircle.studies.charts.views import (
-    evenly,
-    evenly_of,
-    held_text,
-    label,
+from encircle.studies.charts.layout import (
+    axis_label,
+    drawing_order,
+    evenly_chosen,
+    evenly_spaced,
     level_text,
-    ordered,
+    setting_text,
     settings_of,
     wrapped,
 )
+from encircle.studies.charts.lines import limit_text
 from encircle.studies.plan import Axis
-from encircle.studies.summary import CLAIMS, Comparison, Summary, baseline_of
+from encircle.studies.summary import OUTCOMES, Comparison, Summary, baseline_index
 
 ROW_IN, GROUP_IN, NAME_LINE_IN, AROUND_IN = 0.14, 0.1, 0.14, 1.05
 NAME_COLUMNS = 26
 LEVELS_MAX = 8
 POINTS_SPAN_MIN, TIME_SPAN_MIN = 5.0, 0.02
-"""The least reach of the scales about zero, in points and as a share of the limit."""
+"""Scales reach at least so far from zero, in points and as a share of the limit of a run."""
 SCALES = {"rate": 100.0, "order": 100.0, "time_s": 1.0}
 LABELS = {
     "rate": "difference in\ncapture rate (points)\nright is better",
@@ -51,39 +51,41 @@ LABELS = {
 
 
 def draw_differences(summary: Summary) -> DrawnFigure | None:
-    """Differences of every level from the baseline; None if nothing is compared.
+    """Draw the differences of all levels from the baseline; None if nothing is compared.
 
-    Settings of the other axes are groups of rows, levels their markers; without settings each level
-    is a row.
+    Settings of the other axes are groups of rows, and levels are markers in them. Without
+    settings each level is a row.
     """
-    plan, found = summary.plan, summary.comparisons
-    axis = plan.compared
-    if axis is None or not found:
+    plan, comparisons = summary.plan, summary.comparisons
+    axis = plan.compared_axis
+    if axis is None or not comparisons:
         return None
-    base = baseline_of(plan, axis)
-    levels = [place for place in range(len(axis.levels)) if place != base]
-    shown_first = [levels.index(place) for place in ordered(axis) if place != base]
+    base = baseline_index(plan, axis)
+    levels = [index for index in range(len(axis.levels)) if index != base]
+    shown_first = [levels.index(index) for index in drawing_order(axis) if index != base]
     settings = settings_of([other for other in plan.all_axes if other is not axis])
     if len(settings) == 1:
-        groups = [[found[k]] for k in shown_first]
+        groups = [[comparisons[k]] for k in shown_first]
         names = [level_text(axis, levels[k]) for k in shown_first]
-        places: list[int] = []
+        marker_levels: list[int] = []
     else:
-        chosen = evenly_of(shown_first, LEVELS_MAX)
-        starts = range(0, len(found), len(levels))
-        groups = [[found[start + k] for k in chosen] for start in starts]
-        names = [held_text(plan, setting) for setting in settings]
-        places = [levels[k] for k in chosen]
+        chosen = evenly_chosen(shown_first, LEVELS_MAX)
+        starts = range(0, len(comparisons), len(levels))
+        groups = [[comparisons[start + k] for k in chosen] for start in starts]
+        names = [setting_text(plan, setting) for setting in settings]
+        marker_levels = [levels[k] for k in chosen]
     names = [wrapped(name, NAME_COLUMNS) for name in names]
     row_in = max(
         max(ROW_IN * len(row), NAME_LINE_IN * (1 + name.count("\n")))
         for row, name in zip(groups, names, strict=True)
     )
-    kept = evenly(len(groups), int(TALL_IN / (row_in + GROUP_IN)))
-    rows = [groups[k] for k in kept]
-    figure = _draw(summary, axis, places, rows, [names[k] for k in kept], row_in + GROUP_IN)
+    shown_rows = evenly_spaced(len(groups), int(TALL_IN / (row_in + GROUP_IN)))
+    rows = [groups[k] for k in shown_rows]
+    figure = _draw(
+        summary, axis, marker_levels, rows, [names[k] for k in shown_rows], row_in + GROUP_IN
+    )
     shown = [one for row in rows for one in row]
-    decided = sum(any(_decided(getattr(one, name)) for name in CLAIMS) for one in shown)
+    decided = sum(any(_is_decided(getattr(one, name)) for name in OUTCOMES) for one in shown)
     alt = (
         f"Forest plot of {len(shown)} comparisons with {level_text(axis, base, named=True)}:"
         " differences in capture rate, in who captures later, and in mean time to capture;"
@@ -95,25 +97,30 @@ def draw_differences(summary: Summary) -> DrawnFigure | None:
 def _draw(
     summary: Summary,
     axis: Axis,
-    places: Sequence[int],
+    marker_levels: Sequence[int],
     rows: Sequence[Sequence[Comparison]],
     names: Sequence[str],
     row_in: float,
 ) -> Figure:
-    """``places``: the levels that are markers, none if each level is a row with a name."""
-    baseline = level_text(axis, baseline_of(summary.plan, axis))
-    legend = legend_of(f"{axis.title} against {baseline}", _handles(axis, places), WIDTH_IN)
+    """Draw the plot.
+
+    ``marker_levels``: the levels that are markers, none if each level is a row.
+    """
+    baseline = level_text(axis, baseline_index(summary.plan, axis))
+    legend = legend_layout(
+        f"{axis.title} against {baseline}", _handles(axis, marker_levels), WIDTH_IN
+    )
     size = (WIDTH_IN, row_in * len(rows) + AROUND_IN + legend.high_in)
     figure = Figure(size, DOTS_PER_INCH, layout="constrained")
-    panels = figure.subplots(1, len(CLAIMS), sharey=True)
+    panels = figure.subplots(1, len(OUTCOMES), sharey=True)
     for number, row in enumerate(rows):
         for k, one in enumerate(row):
             at = number + 0.5 + ROW_IN / row_in * (k - (len(row) - 1) / 2)
-            style = look(axis, k, len(row)) if places else look(None, 0, 1)
-            for axes, name in zip(panels, CLAIMS, strict=True):
+            style = line_style(axis, k, len(row)) if marker_levels else line_style(None, 0, 1)
+            for axes, name in zip(panels, OUTCOMES, strict=True):
                 _draw_row(axes, at, getattr(one, name), SCALES[name], style)
     time_s_min = TIME_SPAN_MIN * max(cell.limit_s for cell in summary.cells)
-    for axes, name in zip(panels, CLAIMS, strict=True):
+    for axes, name in zip(panels, OUTCOMES, strict=True):
         reach = time_s_min if name == "time_s" else POINTS_SPAN_MIN
         axes.set_xlabel(LABELS[name])
         for number in range(1, len(rows), 2):
@@ -129,15 +136,15 @@ def _draw(
     return figure
 
 
-def _handles(axis: Axis, places: Sequence[int]) -> list[Artist]:
-    found = line_handles(axis, places, joined=False) if places else []
+def _handles(axis: Axis, marker_levels: Sequence[int]) -> list[Artist]:
+    handles = line_handles(axis, marker_levels, joined=False) if marker_levels else []
     plain: dict[str, Any] = {"color": "0.35", "marker": "o", "ls": "", "ms": 4}
-    found.append(Line2D([], [], **plain, label="decided"))
-    found.append(Line2D([], [], **plain, mfc="white", label="undecided"))
-    return found
+    handles.append(Line2D([], [], **plain, label="decided"))
+    handles.append(Line2D([], [], **plain, mfc="white", label="undecided"))
+    return handles
 
 
-def _decided(test: Difference) -> bool:
+def _is_decided(test: Difference) -> bool:
     return test.verdict is not Verdict.UNDECIDED
 
 
@@ -146,17 +153,18 @@ def _draw_row(
 ) -> None:
     value, low, high = (scale * bound for bound in test.mean)
     axes.plot((low, high), (at, at), color=style["color"], lw=1.0, zorder=2)
-    face = style["color"] if _decided(test) else "white"
+    face = style["color"] if _is_decided(test) else "white"
     axes.plot(value, at, **{**style, "ls": ""}, mfc=face, ms=4, zorder=3)
 
 
 def _caption(summary: Summary, axis: Axis, base: int, shown: int) -> str:
     every, pairs = len(summary.comparisons), summary.comparisons[0].rate.pairs
     return (
-        f"Differences from {level_text(axis, base, named=True)}: each level of {label(axis)} minus"
-        f" it, on {pairs} common seed{'s' * (pairs != 1)}: how often it captures, in which share of"
-        " the seeds later less in which earlier, and when on average. Bars: 95 % intervals, each"
-        " for itself, which allow for failures that the seeds do not show; runs without capture"
+        f"Differences from {level_text(axis, base, named=True)}: each level of"
+        f" {axis_label(axis)} minus it, on {pairs} common seed{'s' * (pairs != 1)}: how often"
+        " it captures, in which share of the seeds later less in which earlier, and when on"
+        " average. Bars: 95 % intervals, each for itself, which allow for failures that"
+        " the seeds do not show; runs without capture"
         f" count as the limit, {limit_text(summary)}. Decided: by p corrected for {summary.tests}"
         " tests, too." + (f" {shown} of {every} are shown." if shown < every else "")
     )

@@ -1,7 +1,7 @@
-"""Rates and times against an axis: joined points over numbers, groups of points beside names.
+"""Rates and times along an axis: joined points over numbers, groups of points beside names.
 
-Times are means up to the limit of a run: a run without capture counts as the limit, so that none is
-dropped, and the mean is a lower bound of that of the time to capture.
+Times are means up to the limit of a run. A run without capture counts as the limit, so that no run
+is dropped; the mean is a lower bound of the mean time to capture.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,23 +15,23 @@ from encircle.studies.charts.frames import (
     TALL_IN,
     DrawnFigure,
     Floats,
-    beside,
     draw_points,
-    fitted,
-    frame,
+    fitted_title,
     line_handles,
-    look,
+    line_style,
     outer_labels,
-    scaled,
+    panels_figure,
+    scaled_levels,
     set_scale,
+    side_by_side,
 )
-from encircle.studies.charts.views import (
+from encircle.studies.charts.layout import (
     FigureLayout,
-    evenly,
+    axis_label,
+    drawing_order,
+    evenly_spaced,
     figure_layout,
-    label,
     level_text,
-    ordered,
     wrapped,
 )
 from encircle.studies.plan import Axis
@@ -48,13 +48,15 @@ LIMIT_PT = 7.0
 
 
 class Quantity(NamedTuple):
-    """What is drawn of a cell: stem of files' names, words, axis, how its bars are made.
+    """A quantity that is drawn for each cell.
 
-    ``interval``: the cell's value and bounds in the unit of the axis.
+    ``file_stem``: for names of files. ``name``: in sentences. ``axis``: label of its axis.
+    ``bars``: what its error bars are. ``interval``: a cell's value and bounds in the unit of
+    the axis.
     """
 
-    stem: str
-    words: str
+    file_stem: str
+    name: str
     axis: str
     bars: str
     interval: Callable[[Cell], Interval]
@@ -76,30 +78,30 @@ TIME = Quantity(
 )
 
 
-def draw_against(summary: Summary, along: Axis, quantity: Quantity) -> DrawnFigure:
-    """A quantity against an axis, a line for each level of another, a panel for each setting."""
+def draw_along_axis(summary: Summary, along: Axis, quantity: Quantity) -> DrawnFigure:
+    """Draw a quantity along an axis, a line for each level of another, a panel for each setting."""
     shape = figure_layout(summary.plan, along)
-    count = len(shape.places)
-    rows, names, high_in = _rows(along, count)
+    count = len(shape.level_indices)
+    rows, names, high_in = _rows_along(along, count)
     if along.numeric:
         high_in = PANEL_IN if len(shape.settings) == 1 else PANEL_IN_SMALL
     legend = (
         shape.lines.title if shape.lines is not None else "",
-        line_handles(shape.lines, shape.places, joined=along.numeric),
+        line_handles(shape.lines, shape.level_indices, joined=along.numeric),
     )
     titles = [shape.title(setting) for setting in shape.settings]
     crowded = along.numeric and count * len(rows) > CROWDED_POINTS
-    figure, panels = frame(titles, high_in, legend, crowded)
+    figure, panels = panels_figure(titles, high_in, legend, crowded)
     width_in = panels[0].bbox.width / figure.dpi
     for axes, setting in zip(panels, shape.settings, strict=True):
-        for number, line in enumerate(shape.places):
+        for number, line in enumerate(shape.level_indices):
             cells = [summary.cells[shape.cell(setting, line, index)] for index in rows]
-            at = _at(along, len(rows), number, count)
-            style = look(shape.lines, number, count)
+            at = _row_positions(along, len(rows), number, count)
+            style = line_style(shape.lines, number, count)
             draw_points(axes, at, [quantity.interval(cell) for cell in cells], style, along.numeric)
         if along.numeric:
-            axes.set_xlabel(fitted(along, width_in))
-            set_scale(axes, scaled(along))
+            axes.set_xlabel(fitted_title(along, width_in))
+            set_scale(axes, scaled_levels(along))
         else:
             axes.set_yticks(range(len(names)), names)
             axes.set_ylim(len(names) - 0.5, -0.5)
@@ -107,31 +109,31 @@ def draw_against(summary: Summary, along: Axis, quantity: Quantity) -> DrawnFigu
         set_quantity(axes, summary, quantity, "y" if along.numeric else "x")
         axes.grid(alpha=0.25, lw=0.5)
     outer_labels(panels)
-    stem = f"{quantity.stem}-by-{along.name}"
+    stem = f"{quantity.file_stem}-by-{along.name}"
     caption = _caption(summary, shape, along, quantity, len(rows))
     return DrawnFigure(stem, figure, caption, _alt(summary, shape, along, quantity))
 
 
-def _rows(along: Axis, count: int) -> tuple[tuple[int, ...], list[str], float]:
-    """Places of the levels that fit, their names, and the height that names and points take."""
-    every = ordered(along)
+def _rows_along(along: Axis, count: int) -> tuple[tuple[int, ...], list[str], float]:
+    """Indices of the levels that fit, their names, and the height in inches of names and points."""
+    every = drawing_order(along)
     if along.numeric:
         return every, [], 0.0
     names = [wrapped(level_text(along, index), NAME_COLUMNS) for index in every]
     lines = max(1 + name.count("\n") for name in names)
     row_in = max(POINT_IN * count, NAME_LINE_IN * lines) + NAME_GAP_IN
-    chosen = evenly(len(every), int(TALL_IN / row_in))
+    chosen = evenly_spaced(len(every), int(TALL_IN / row_in))
     return chosen, [names[index] for index in chosen], row_in * len(chosen) + 0.25
 
 
-def _at(along: Axis, rows: int, number: int, count: int) -> Floats:
+def _row_positions(along: Axis, rows: int, number: int, count: int) -> Floats:
     if along.numeric:
-        return beside(scaled(along), number, count)
+        return side_by_side(scaled_levels(along), number, count)
     return np.arange(rows, dtype=float) + min(0.2, 0.7 / count) * (number - (count - 1) / 2)
 
 
 def set_quantity(axes: Axes, summary: Summary, quantity: Quantity, side: str) -> None:
-    """Label and scale of a quantity along a side, x or y, and the limit of a run if it is near."""
+    """Set label and scale of a quantity along ``side``, x or y; show the limit of a run if near."""
     axes.set(**{f"{side}label": quantity.axis})
     if quantity is RATE:
         axes.set(**{f"{side}{key}": value for key, value in PERCENT.items()})
@@ -153,20 +155,20 @@ def set_quantity(axes: Axes, summary: Summary, quantity: Quantity, side: str) ->
 
 
 def _near_limit(summary: Summary) -> float | None:
-    """The limit of a run in s, if it is one for all and times come near it."""
+    """The limit of a run in s, if it is the same in all cells and times come near it."""
     limits = {cell.limit_s for cell in summary.cells}
     highest = max(np.nanmax(cell.time_s) for cell in summary.cells)
     return limits.pop() if len(limits) == 1 and highest >= NEAR_LIMIT * max(limits) else None
 
 
 def limit_text(summary: Summary) -> str:
-    """``60 s``, or from what to what."""
+    """The limit of a run: ``60 s``, or from the lowest to the highest of all cells."""
     limits = sorted({cell.limit_s for cell in summary.cells})
     return f"{limits[0]:g} s" if len(limits) == 1 else f"{limits[0]:g} to {limits[-1]:g} s"
 
 
 def runs_text(summary: Summary) -> str:
-    """``40 runs``, as many as each cell has."""
+    """``40 runs``: the number of runs in each cell."""
     runs = summary.cells[0].runs
     return f"{runs} run{'s' * (runs != 1)}"
 
@@ -174,18 +176,18 @@ def runs_text(summary: Summary) -> str:
 def _caption(
     summary: Summary, shape: FigureLayout, along: Axis, quantity: Quantity, rows: int
 ) -> str:
-    words = quantity.words[0].upper() + quantity.words[1:]
-    parts = [f"{words} against {label(along)}{shape.spread}."]
+    drawn = quantity.name[0].upper() + quantity.name[1:]
+    parts = [f"{drawn} against {axis_label(along)}{shape.split_text}."]
     bars = quantity.bars
     if quantity is TIME and summary.cells[0].runs == 1:
         bars = "none, as a single run has no interval"
     parts.append(f"{runs_text(summary)} per point; bars: {bars}.")
     if quantity is TIME:
         parts.append(f"Runs without capture count as the limit, {limit_text(summary)}.")
-    if along.numeric and len(shape.places) > 1:
+    if along.numeric and len(shape.level_indices) > 1:
         parts.append("Points of one level stand side by side.")
     if rows < len(along.levels):
-        parts.append(f"{rows} of {len(along.levels)} levels of {label(along)} are shown.")
+        parts.append(f"{rows} of {len(along.levels)} levels of {axis_label(along)} are shown.")
     return " ".join([*parts, shape.left_out]).strip()
 
 
@@ -193,12 +195,12 @@ def _alt(summary: Summary, shape: FigureLayout, along: Axis, quantity: Quantity)
     values = [quantity.interval(cell).value for cell in summary.cells]
     unit = "%" if quantity is RATE else "s"
     return (
-        f"{'Line' if along.numeric else 'Dot'} chart of {quantity.words} against {along.title}"
-        f"{shape.spread}: {span(values)} {unit} over all cells."
+        f"{'Line' if along.numeric else 'Dot'} chart of {quantity.name} against {along.title}"
+        f"{shape.split_text}: {value_range_text(values)} {unit} over all cells."
     )
 
 
-def span(values: Sequence[float]) -> str:
-    """``from 10 to 90``, or the one number that all are."""
+def value_range_text(values: Sequence[float]) -> str:
+    """``from 10 to 90``, or the number if all are equal."""
     low, high = (f"{bound:.3g}" for bound in (min(values), max(values)))
     return low if low == high else f"from {low} to {high}"

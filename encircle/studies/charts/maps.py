@@ -1,8 +1,8 @@
 """Heat maps over two numeric axes: the capture rate, and beside it the time to capture.
 
-A map whose cells are all equal is left out, for a sentence says as much. Cells are equally large
-whatever the steps between levels, and their numbers are printed if they fit. All maps of a study
-share their scales; light is good: often captured, or early.
+A map with the same value in all cells is left out, because a sentence says the same. Cells have one
+size whatever the steps between levels, and their numbers are printed if they fit. All maps of a
+study share their scales. Light colours are good: often captured, or early.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,17 +16,31 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
 from encircle.figures.drawing import DOTS_PER_INCH, WIDTH_IN
-from encircle.studies.charts.frames import COLUMN_IN, LETTER_IN, MAP, DrawnFigure, Floats, fitted
-from encircle.studies.charts.lines import RATE, TIME, Quantity, limit_text, runs_text, span
-from encircle.studies.charts.views import (
+from encircle.studies.charts.frames import (
+    COLOUR_MAP,
+    COLUMN_IN,
+    LETTER_IN,
+    DrawnFigure,
+    Floats,
+    fitted_title,
+)
+from encircle.studies.charts.layout import (
     LevelIndices,
+    axis_label,
     cell_at,
-    evenly,
-    held_text,
-    label,
+    drawing_order,
+    evenly_spaced,
     level_text,
-    ordered,
+    setting_text,
     settings_of,
+)
+from encircle.studies.charts.lines import (
+    RATE,
+    TIME,
+    Quantity,
+    limit_text,
+    runs_text,
+    value_range_text,
 )
 from encircle.studies.plan import Axis
 from encircle.studies.summary import Cell, Summary
@@ -42,7 +56,11 @@ LIGHT_MIN = 0.18
 
 
 class _Grid(NamedTuple):
-    """A pair of maps: numeric axes, the levels of the others, cells by row (y) and column (x)."""
+    """A pair of maps for one setting.
+
+    ``along``, ``up``: numeric axes. ``setting``: levels of the other axes. ``cells``: by row
+    (y) and column (x).
+    """
 
     along: Axis
     up: Axis
@@ -50,12 +68,12 @@ class _Grid(NamedTuple):
     cells: Sequence[Sequence[Cell]]
 
     def values(self, quantity: Quantity) -> Floats:
-        """(Y, X) the quantity in each cell."""
+        """The quantity in each cell: (Y, X)."""
         return np.array([[quantity.interval(cell).value for cell in row] for row in self.cells])
 
 
 def draw_maps(summary: Summary) -> Iterator[DrawnFigure]:
-    """Maps for each setting of the other axes, over the first two axes that allow it."""
+    """Maps over the first two numeric axes with enough levels, for each setting of the others."""
     axes = summary.plan.all_axes
     pair = [axis for axis in axes if axis.numeric and len(axis.levels) >= LEVELS_MIN][:2]
     if len(pair) < 2:
@@ -63,11 +81,11 @@ def draw_maps(summary: Summary) -> Iterator[DrawnFigure]:
     settings = settings_of([axis for axis in axes if axis not in pair])
     grids = [_grid(summary, pair[0], pair[1], setting) for setting in settings]
     shown = [(grid, varying) for grid in grids if (varying := _not_uniform(grid))]
-    chosen = evenly(len(shown), MAPS_MAX)
+    chosen = evenly_spaced(len(shown), MAPS_MAX)
     remark = f" {len(chosen)} of {len(settings)} settings are shown."
-    for number, place in enumerate(chosen, start=1):
+    for number, index in enumerate(chosen, start=1):
         name = "map" if len(chosen) == 1 else f"map-{number}"
-        drawn = _draw(summary, *shown[place], name)
+        drawn = _draw(summary, *shown[index], name)
         left_out = remark if len(chosen) < len(settings) else ""
         yield drawn._replace(caption=drawn.caption + left_out)
 
@@ -76,9 +94,9 @@ def _grid(summary: Summary, along: Axis, up: Axis, setting: LevelIndices) -> _Gr
     cells = [
         [
             summary.cells[cell_at(summary.plan, {**setting, along.name: x, up.name: y})]
-            for x in ordered(along)
+            for x in drawing_order(along)
         ]
-        for y in ordered(up)
+        for y in drawing_order(up)
     ]
     return _Grid(along, up, setting, cells)
 
@@ -104,30 +122,30 @@ def _draw(summary: Summary, grid: _Grid, quantities: Sequence[Quantity], name: s
         values = grid.values(quantity)
         _draw_map(figure, axes, summary, values, quantity)
         _name_levels(axes, along, up, room_pt, 72.0 * map_in)
-        axes.set_xlabel(fitted(along, room_pt * len(along.levels) / 72.0))
-        axes.set_ylabel(fitted(up, map_in))
-        texts = _numbers(summary, values, quantity)
+        axes.set_xlabel(fitted_title(along, room_pt * len(along.levels) / 72.0))
+        axes.set_ylabel(fitted_title(up, map_in))
+        texts = _number_texts(summary, values, quantity)
         letters = LETTER_EM * max(len(text) for row in texts for text in row) + 0.5
         size_pt = min(NUMBER_PT, room_pt / letters, 0.75 * 72.0 * map_in / len(values))
         printed.append(size_pt >= NUMBER_PT_MIN)
         if printed[-1]:
-            _print_numbers(axes, texts, values, _colours(summary, quantity), size_pt)
+            _print_numbers(axes, texts, values, _colour_scale(summary, quantity), size_pt)
     caption = _caption(summary, grid, quantities) + (
         "" if all(printed) else " The numbers are in the table of cells."
     )
     return DrawnFigure(name, figure, caption, _alt(summary, grid, quantities))
 
 
-def _over(summary: Summary, grid: _Grid, names: Callable[[Axis], str]) -> str:
-    at = f" at {held}" if (held := held_text(summary.plan, grid.setting)) else ""
+def _axes_text(summary: Summary, grid: _Grid, names: Callable[[Axis], str]) -> str:
+    at = f" at {setting}" if (setting := setting_text(summary.plan, grid.setting)) else ""
     return f"over {names(grid.along)} and {names(grid.up)}{at}"
 
 
 def _caption(summary: Summary, grid: _Grid, quantities: Sequence[Quantity]) -> str:
-    drawn = " and ".join(quantity.words for quantity in quantities)
+    drawn = " and ".join(quantity.name for quantity in quantities)
     parts = [
-        f"{drawn[0].upper()}{drawn[1:]} {_over(summary, grid, label)}; {runs_text(summary)} per"
-        " cell."
+        f"{drawn[0].upper()}{drawn[1:]} {_axes_text(summary, grid, axis_label)};"
+        f" {runs_text(summary)} per cell."
     ]
     if TIME in quantities:
         parts.append(f"Runs without capture count as the limit, {limit_text(summary)}.")
@@ -138,34 +156,37 @@ def _caption(summary: Summary, grid: _Grid, quantities: Sequence[Quantity]) -> s
 
 
 def _alt(summary: Summary, grid: _Grid, quantities: Sequence[Quantity]) -> str:
-    units = {RATE.stem: "%", TIME.stem: "s"}
+    units = {RATE.file_stem: "%", TIME.file_stem: "s"}
     spans = [
-        f"{quantity.words} {span(grid.values(quantity).ravel().tolist())} {units[quantity.stem]}"
+        f"{quantity.name} {value_range_text(grid.values(quantity).ravel().tolist())}"
+        f" {units[quantity.file_stem]}"
         for quantity in quantities
     ]
-    title = _over(summary, grid, lambda axis: axis.title)
+    title = _axes_text(summary, grid, lambda axis: axis.title)
     return f"Heat maps {title}: {', and '.join(spans)}."
 
 
-def _colours(summary: Summary, quantity: Quantity) -> tuple[Normalize, Colormap]:
+def _colour_scale(summary: Summary, quantity: Quantity) -> tuple[Normalize, Colormap]:
     if quantity is RATE:
-        return Normalize(0.0, 100.0), matplotlib.colormaps[MAP]
+        return Normalize(0.0, 100.0), matplotlib.colormaps[COLOUR_MAP]
     times = [cell.time_s.value for cell in summary.cells]
     low, high = min(times), max(times)
-    # One value for all would leave the scale without a width.
-    return Normalize(low, high if high > low else low + 1.0), matplotlib.colormaps[f"{MAP}_r"]
+    # A scale needs a width, also if all values are equal.
+    return Normalize(low, high if high > low else low + 1.0), matplotlib.colormaps[
+        f"{COLOUR_MAP}_r"
+    ]
 
 
 def _draw_map(
     figure: Figure, axes: Axes, summary: Summary, values: Floats, quantity: Quantity
 ) -> None:
-    norm, colours = _colours(summary, quantity)
+    norm, colours = _colour_scale(summary, quantity)
     axes.pcolormesh(values, norm=norm, cmap=colours, edgecolors="white", linewidth=0.4)
     bar = figure.colorbar(ScalarMappable(norm, colours), ax=axes, location="top", aspect=28)
     bar.set_label(quantity.axis)
 
 
-def _numbers(summary: Summary, values: Floats, quantity: Quantity) -> list[list[str]]:
+def _number_texts(summary: Summary, values: Floats, quantity: Quantity) -> list[list[str]]:
     longest_s = max(cell.time_s.value for cell in summary.cells)
     digits = 0 if quantity is RATE or longest_s >= 100.0 else 1
     return [[f"{value:.{digits}f}" for value in row] for row in values]
@@ -184,18 +205,23 @@ def _print_numbers(
     light = linear @ (0.2126, 0.7152, 0.0722) > LIGHT_MIN
     for (y, x), on_light in np.ndenumerate(light):
         colour = "black" if on_light else "white"
-        place = (x + 0.5, y + 0.5)
-        axes.text(*place, texts[y][x], ha="center", va="center", fontsize=size_pt, color=colour)
+        position = (x + 0.5, y + 0.5)
+        axes.text(*position, texts[y][x], ha="center", va="center", fontsize=size_pt, color=colour)
 
 
 def _name_levels(axes: Axes, along: Axis, up: Axis, room_pt: float, high_pt: float) -> None:
-    """Name the levels, or as many as fit; ``room_pt`` for each along x, ``high_pt`` for all up."""
-    names = [level_text(along, place) for place in ordered(along)]
+    """Label the levels, or as many as fit.
+
+    ``room_pt``: width for each level along x. ``high_pt``: height for all levels along y.
+    """
+    names = [level_text(along, index) for index in drawing_order(along)]
     crowded = max(map(len, names)) * 72.0 * LETTER_IN > room_pt
-    named = evenly(len(names), int(room_pt * len(names) / LINE_PT) if crowded else len(names))
+    named = evenly_spaced(
+        len(names), int(room_pt * len(names) / LINE_PT) if crowded else len(names)
+    )
     shown = [names[k] for k in named]
     axes.set_xticks(np.array(named) + 0.5, shown, rotation=90 if crowded else 0)
-    names = [level_text(up, place) for place in ordered(up)]
-    named = evenly(len(names), int(high_pt / LINE_PT))
+    names = [level_text(up, index) for index in drawing_order(up)]
+    named = evenly_spaced(len(names), int(high_pt / LINE_PT))
     axes.set_yticks(np.array(named) + 0.5, [names[k] for k in named])
     axes.tick_params(length=0)

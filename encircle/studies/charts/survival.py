@@ -1,9 +1,9 @@
 """Survival curves: the share of runs whose target is still free, against time.
 
-Kaplan and Meier's estimate with its pointwise interval, up to the last run under observation; a run
-without capture is censored at the limit, where a stroke across the curve says that some end so.
-If all captures are early, time ends soon after the last of them: the curves are level from there to
-the limit, and would be squeezed to its side.
+They are Kaplan and Meier's estimates with pointwise intervals, up to the last run under
+observation. A run without capture is censored at its limit; a stroke across the curve marks where
+such runs end. If all captures are early, the time axis ends soon after the last of them: the curves
+are constant from there to the limit, and all changes would be squeezed to the left side.
 """
 
 from collections.abc import Sequence
@@ -13,31 +13,37 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from encircle.studies.charts.frames import DrawnFigure, frame, line_handles, look, outer_labels
+from encircle.studies.charts.frames import (
+    DrawnFigure,
+    line_handles,
+    line_style,
+    outer_labels,
+    panels_figure,
+)
+from encircle.studies.charts.layout import FigureLayout, figure_layout
 from encircle.studies.charts.lines import (
     PANEL_IN,
     PANEL_IN_SMALL,
     PERCENT,
     limit_text,
     runs_text,
-    span,
+    value_range_text,
 )
-from encircle.studies.charts.views import FigureLayout, figure_layout
 from encircle.studies.summary import Summary
 
 STROKE: dict[str, Any] = {"ls": "", "marker": "|", "ms": 7, "mew": 1.2}
-ROOM, ROOM_CUT = 1.03, 1.25
+TIME_MARGIN, CUT_TIME_MARGIN = 1.03, 1.25
 CUT_BELOW = 0.5
-"""The last capture of all, as a share of the longest run, below which time is cut after it."""
-BAND_ALPHA, BAND_ALPHA_MANY, MANY = 0.16, 0.1, 3
+"""If the last capture is earlier than this share of the longest run, the time axis is cut."""
+BAND_ALPHA, BAND_ALPHA_MANY, FEW_CURVES_MAX = 0.16, 0.1, 3
 
 
 def draw_survival(summary: Summary) -> DrawnFigure:
-    """A curve for each level of the compared axis, or of the first, a panel for each setting."""
+    """Draw a curve for each level of the compared axis, or of the first, a panel per setting."""
     shape = figure_layout(summary.plan)
     single = len(shape.settings) == 1
-    handles = line_handles(shape.lines, shape.places)
-    for handle, line in zip(handles, shape.places, strict=False):
+    handles = line_handles(shape.lines, shape.level_indices)
+    for handle, line in zip(handles, shape.level_indices, strict=False):
         handle.set(marker="")
         if single:
             handle.set(label=f"{handle.get_label()}: {_outcome(summary, shape, line)}")
@@ -45,8 +51,12 @@ def draw_survival(summary: Summary) -> DrawnFigure:
         handles.append(Line2D([], [], color="black", **STROKE, label="not captured"))
     titles = [shape.title(setting) for setting in shape.settings]
     legend = (shape.lines.title if shape.lines is not None else "", handles)
-    figure, panels = frame(titles, PANEL_IN if single else PANEL_IN_SMALL, legend, wide=False)
-    cells = [[shape.cell(setting, line) for line in shape.places] for setting in shape.settings]
+    figure, panels = panels_figure(
+        titles, PANEL_IN if single else PANEL_IN_SMALL, legend, wide=False
+    )
+    cells = [
+        [shape.cell(setting, line) for line in shape.level_indices] for setting in shape.settings
+    ]
     end_s, cut = _end_s(summary, [cell for row in cells for cell in row])
     for axes, row in zip(panels, cells, strict=True):
         for number, cell in enumerate(row):
@@ -54,8 +64,8 @@ def draw_survival(summary: Summary) -> DrawnFigure:
         axes.set(xlabel="time (s)", ylabel="share still free (%)")
         axes.set(ylim=PERCENT["lim"], yticks=PERCENT["ticks"])
         axes.grid(alpha=0.25, lw=0.5)
-    # Shared by all panels.
-    panels[0].set_xlim(0.0, ROOM * end_s)
+    # All panels share the x axis.
+    panels[0].set_xlim(0.0, TIME_MARGIN * end_s)
     outer_labels(panels)
     remark = f" {_outcome(summary, shape, 0)}." if shape.lines is None else ""
     limit = f"at the limit, {limit_text(summary)}"
@@ -66,23 +76,23 @@ def draw_survival(summary: Summary) -> DrawnFigure:
         )
     strokes = "" if summary.captured.all() else strokes
     caption = (
-        f"Share of runs whose target is still free (Kaplan-Meier){shape.spread};"
+        f"Share of runs whose target is still free (Kaplan-Meier){shape.split_text};"
         f" {runs_text(summary)} per curve.{remark} Bands: pointwise 95 % intervals.{strokes}"
         f" {shape.left_out}"
     )
     free = [100.0 * cell.survival.share[-1] for cell in summary.cells]
     alt = (
-        f"Survival curves{shape.spread}: at the end {span(free)} % of targets are still free, over"
-        " all cells."
+        f"Survival curves{shape.split_text}: at the end {value_range_text(free)} % of targets are"
+        " still free, over all cells."
     )
     return DrawnFigure("survival", figure, caption.strip(), alt)
 
 
 def _end_s(summary: Summary, cells: Sequence[int]) -> tuple[float, bool]:
-    """When time ends in the figure, and whether that is before the last run does."""
+    """The end of the time axis in s, and whether some runs last longer."""
     times_s = np.array([summary.ticks[cell] * summary.tick_s[cell] for cell in cells])
     longest_s = float(times_s.max())
-    last_s = ROOM_CUT * float(times_s.max(initial=0.0, where=summary.captured[list(cells)]))
+    last_s = CUT_TIME_MARGIN * float(times_s.max(initial=0.0, where=summary.captured[list(cells)]))
     cut = 0.0 < last_s < CUT_BELOW * longest_s
     return (last_s if cut else longest_s), cut
 
@@ -96,12 +106,12 @@ def _draw_curve(
     axes: Axes, summary: Summary, cell: int, shape: FigureLayout, number: int, end_s: float
 ) -> None:
     curve, tick_s = summary.cells[cell].survival, summary.tick_s[cell]
-    style = {**look(shape.lines, number, len(shape.places)), "marker": ""}
+    style = {**line_style(shape.lines, number, len(shape.level_indices)), "marker": ""}
     times_s = np.minimum(np.append(0.0, curve.ticks * tick_s), end_s)
     share, low, high = (
         100.0 * np.append(1.0, bound) for bound in (curve.share, curve.low, curve.high)
     )
-    alpha = BAND_ALPHA if len(shape.places) <= MANY else BAND_ALPHA_MANY
+    alpha = BAND_ALPHA if len(shape.level_indices) <= FEW_CURVES_MAX else BAND_ALPHA_MANY
     axes.fill_between(times_s, low, high, step="post", color=style["color"], alpha=alpha, lw=0)
     axes.step(times_s, share, where="post", **style, lw=1.3)
     censored = np.unique(summary.ticks[cell][~summary.captured[cell]])

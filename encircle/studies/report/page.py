@@ -1,7 +1,8 @@
-"""Parts of a page that is read without the program: one file, nothing loaded, no scripts.
+"""HTML parts of the report's page: one file that loads nothing and has no scripts.
 
-Text given to these functions is escaped here and nowhere else; content is what they return. The
-page is readable as plain HTML, on a phone and on paper, where folded parts are printed open.
+Text that is given to these functions is escaped here and nowhere else; ``content`` is what they
+return. The page is readable as plain HTML, on a phone and on paper, where collapsed parts are
+printed open.
 """
 
 import base64
@@ -63,7 +64,7 @@ code { font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace
 
 
 def escape(text: str) -> str:
-    """Text as a page shows it: nothing in it is a tag, a control character or turns its reading."""
+    """Text as a page shows it, without tags, control characters or changes of direction."""
     return html_escape(printable_lines(text))
 
 
@@ -110,8 +111,8 @@ def preformatted(text: str) -> str:
     return f"<pre><code>{escape(text)}</code></pre>"
 
 
-def folded(summary: str, content: Iterable[str]) -> str:
-    """Content that is shown when its summary is clicked."""
+def collapsible(summary: str, content: Iterable[str]) -> str:
+    """Content that is shown when the reader clicks on its summary."""
     inside = "\n".join(content)
     return f"<details>\n<summary>{escape(summary)}</summary>\n{inside}\n</details>"
 
@@ -120,25 +121,29 @@ def table(
     caption: str,
     head: Sequence[str],
     rows: Iterable[Sequence[str]],
-    named: int = 1,
+    name_columns: int = 1,
     kind: str = "number",
-    told: int = 0,
+    text_columns: int = 0,
 ) -> str:
-    """A table whose rows begin with ``named`` cells that name them.
+    """A table whose rows begin with ``name_columns`` cells that name the row.
 
-    ``kind``: ``number``, or ``words`` if the cells hold sentences. The last ``told`` always do.
+    ``kind``: ``number``, or ``words`` if the cells hold sentences. The last ``text_columns``
+    cells always hold sentences.
     """
     body = []
     for row in rows:
-        names = "".join(f'<th scope="row">{escape(text)}</th>' for text in row[:named])
-        kinds = [*(kind for _ in row[named + told :]), *("words" for _ in range(told))]
+        names = "".join(f'<th scope="row">{escape(text)}</th>' for text in row[:name_columns])
+        kinds = [
+            *(kind for _ in row[name_columns + text_columns :]),
+            *("words" for _ in range(text_columns)),
+        ]
         cells = "".join(
             f'<td class="{kind_of}">{escape(text)}</td>'
-            for kind_of, text in zip(kinds, row[named:], strict=True)
+            for kind_of, text in zip(kinds, row[name_columns:], strict=True)
         )
         body.append(f"<tr>{names}{cells}</tr>")
     columns = "".join(f'<th scope="col">{escape(text)}</th>' for text in head)
-    # A region that scrolls can be reached by keyboard, and has a name for those who hear it.
+    # A region that scrolls needs keyboard focus, and a name for screen readers.
     return "\n".join(
         [
             f'<div class="scroll" role="region" tabindex="0" aria-label="{escape(caption)}">',
@@ -155,7 +160,7 @@ def table(
 
 
 def figure(number: int, image: Path, alt: str, caption: str, wide: bool) -> str:
-    """A figure with its picture inside the page. ``image``: a PNG."""
+    """A figure with its image inside the page; ``image``: a PNG."""
     content = image.read_bytes()
     width, height = (int.from_bytes(content[at : at + 4], "big") for at in (16, 20))
     coded = base64.b64encode(content).decode("ascii")
@@ -171,7 +176,7 @@ def figure(number: int, image: Path, alt: str, caption: str, wide: bool) -> str:
 
 
 def figures(content: Iterable[str]) -> str:
-    """Figures side by side where there is room."""
+    """Figures side by side if the page is wide enough."""
     return '<div class="figures">\n' + "\n".join(content) + "\n</div>"
 
 

@@ -1,8 +1,8 @@
-"""A study's set-up in words: the scenario of its first cell, what is varied, which seeds.
+"""A study's set-up as text: the scenario of its first cell, what is varied, which seeds.
 
-The first cell and not the base, as a base need not be whole without the levels of the axes.
-What is said of the radio and of events is made from whatever their models hold that is not a
-default, so that a new model of loss needs no new words here.
+It describes the first cell and not the base scenario, because the base need not be complete without
+the levels of the axes. The texts on channel and events are made from the fields of their models
+that differ from the defaults, so that a new loss model needs no change here.
 """
 
 from collections.abc import Sequence
@@ -10,15 +10,15 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from encircle.studies.charts.views import label, level_text
+from encircle.studies.charts.layout import axis_label, level_text
 from encircle.studies.plan import Axis, Plan
 from encircle.world.scenario.model import Scenario
 
 ITEMS_MAX = 12
 
 
-def set_up(plan: Plan) -> list[tuple[str, str]]:
-    """What there is in the first cell; what an axis changes is said to be varied."""
+def setup_rows(plan: Plan) -> list[tuple[str, str]]:
+    """The scenario of the first cell in rows (name, text), with a note on what is varied."""
     scenario = plan.scenario_of(0)
     team, target, sensing = scenario.team, scenario.target, scenario.sensing
     hz = 1.0 / scenario.tick_s
@@ -68,7 +68,7 @@ def set_up(plan: Plan) -> list[tuple[str, str]]:
 
 
 def seeds_text(seeds: Sequence[int]) -> str:
-    """``40, from 1 to 40``; single ones if they are not in a row."""
+    """``40, from 1 to 40``; the single seeds if they are not consecutive."""
     if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[0] + len(seeds))):
         return f"{len(seeds)}, from {seeds[0]} to {seeds[-1]}"
     few = ", ".join(map(str, seeds[:ITEMS_MAX])) + (", ..." if len(seeds) > ITEMS_MAX else "")
@@ -78,7 +78,7 @@ def seeds_text(seeds: Sequence[int]) -> str:
 def axis_rows(plan: Plan, shown: Plan) -> list[tuple[str, str, str]]:
     """What is varied: axis, key, levels; of arms, which keys each sets to what.
 
-    ``shown``: the plan as the study shows it, delays as they were delivered.
+    ``shown``: the plan with delays as they were delivered.
     """
     pairs = zip(plan.all_axes, shown.all_axes, strict=True)
     return [
@@ -105,7 +105,7 @@ def _levels(axis: Axis) -> str:
 
 def _varied(plan: Plan, beginnings: tuple[str, ...]) -> str:
     names = [
-        label(axis)
+        axis_label(axis)
         for axis in plan.all_axes
         if len(axis.levels) > 1
         and any(
@@ -144,7 +144,10 @@ def _radio(scenario: Scenario) -> str:
 
 
 def _value_text(value: Any) -> str:
-    """A model by what it holds that is no default, its kind first; a list by its length."""
+    """A model as the fields that differ from the default, its kind first.
+
+    A long list by its length.
+    """
     if isinstance(value, BaseModel):
         fields = type(value).model_fields
         first = [str(getattr(value, name)) for name in ("model", "kind") if name in fields]

@@ -1,4 +1,4 @@
-"""Figures and the tracks they show: what is drawn, where it stands, and when runs are cut off."""
+"""Figures of runs: what is drawn, where it is drawn, and figures of interrupted runs."""
 
 from itertools import combinations
 from math import cos, dist, hypot, inf, pi, sin
@@ -9,8 +9,8 @@ from matplotlib.image import imread
 from matplotlib.patches import Circle
 
 from encircle.agents.planning.ring import encirclement_points
-from encircle.figures import drawing, figures
-from encircle.figures.figures import (
+from encircle.figures import drawing, run_figures
+from encircle.figures.run_figures import (
     TimeCurve,
     draw_execution_times,
     draw_run,
@@ -33,7 +33,7 @@ OKABE_ITO = {"#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Directories of recorded runs by scenario, made when first asked for."""
+    """Directories of recorded runs by scenario; each run is made at its first use."""
     made = {}
 
     def directory(name):
@@ -49,16 +49,16 @@ def runs(tmp_path_factory):
 
 @pytest.fixture
 def shown(monkeypatch):
-    """The figures to be saved, laid out but not rendered, in their order."""
-    found = []
+    """The figures passed to ``save_png``, laid out but not rendered, in their order."""
+    drawn = []
 
     def save(figure, path):
         figure.draw_without_rendering()
-        found.append(figure)
+        drawn.append(figure)
         return path
 
-    monkeypatch.setattr(figures, "save", save)
-    return found
+    monkeypatch.setattr(run_figures, "save_png", save)
+    return drawn
 
 
 def legend_of(figure):
@@ -66,7 +66,7 @@ def legend_of(figure):
 
 
 def the_legend(figure):
-    """The one legend, beside the axes or in them."""
+    """The only legend of a figure, beside the axes or in them."""
     (legend,) = [*figure.legends, *filter(None, [figure.axes[0].get_legend()])]
     return legend
 
@@ -80,7 +80,7 @@ def circles(axes, radius_m):
 
 
 def cut(directory, share, into):
-    """A copy of a recording that ends in the middle, as a killed run's does."""
+    """A copy of a recording that ends in the middle, like that of a killed run."""
     whole = (directory / "recording.mcap").read_bytes()
     into.mkdir()
     (into / "recording.mcap").write_bytes(whole[: int(share * len(whole))])
@@ -99,8 +99,8 @@ def test_a_runs_picture_has_its_size_and_every_robots_colour(runs, tmp_path):
     assert 0.9 < width / (drawing.WIDTH_IN * drawing.DOTS_PER_INCH) <= 1.0
     assert 600 <= height <= 2000
     for colour in drawing.COLOURS[:4]:
-        wanted = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
-        assert (np.abs(pixels - wanted).max(axis=2) <= 3).sum() > 200, colour
+        expected = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
+        assert (np.abs(pixels - expected).max(axis=2) <= 3).sum() > 200, colour
     assert (pixels == 0).all(axis=2).sum() > 1000  # the target's trail, axes and text
     assert (pixels == 255).all(axis=2).mean() < 0.98
 
@@ -170,7 +170,7 @@ def test_robots_differ_without_colour(runs, shown, tmp_path):
     draw_run(runs("sim1"), tmp_path / "t.png")
     robots = the_legend(shown[0]).legend_handles[:4]
     assert len({h.get_marker() for h in robots}) == 4
-    assert len({str(line) for line in drawing.LINES}) == len(drawing.COLOURS)
+    assert len({str(line) for line in drawing.LINE_STYLES}) == len(drawing.COLOURS)
     assert len(set(drawing.MARKERS)) == len(set(drawing.COLOURS)) == len(drawing.COLOURS)
     assert set(drawing.COLOURS) <= OKABE_ITO
 
@@ -222,11 +222,11 @@ def test_the_ring_is_drawn_while_robots_encircle(runs, shown, tmp_path):
     last = ground_truth_of(recording).last_tick
     draw_snapshots(recording, [0, 5, last - 1, last], tmp_path / "fig3.png")
     first, encircling, shrinking, captured = (circles(axes, 4.0) for axes in shown[0].axes)
-    assert first == [(0.0, 0.0)]  # r1 alone knows of the target: the ring is about its estimate
+    assert first == [(0.0, 0.0)]  # only r1 detected the target: the ring is around its estimate
     assert (len(encircling), shrinking, captured) == (1, [], [])
     goals = [c.goal for c in commands_at(recording, 5)]
     assert len(goals) == 4
-    # Robots that predict a step apart plan rings some 0.2 m apart.
+    # Robots whose prediction steps differ by one plan rings about 0.2 m apart.
     assert all(abs(dist(goal, encircling[0]) - 4.0) < 0.5 for goal in goals)
 
 
@@ -269,15 +269,15 @@ def test_who_sees_whom_and_gaps_agree_with_plain_geometry(runs, name):
     fixed = [(o.position, o.radius_m) for o in ground_truth.scenario.obstacles]
     least = inf
     for row in range(0, len(ground_truth.ticks), 4):
-        places = ground_truth.positions[row].tolist()
-        for i, a in enumerate(places):
-            for k, b in enumerate(places):
+        positions = ground_truth.positions[row].tolist()
+        for i, a in enumerate(positions):
+            for k, b in enumerate(positions):
                 if i != k:
                     clear = all(_distance_to_segment(o, a, b) >= r for o, r in fixed)
                     assert ground_truth.visible[row, i, k] == (dist(a, b) <= 6.0 and clear)
                     assert ground_truth.gaps[row, i, k] == pytest.approx(dist(a, b) - 1.0)
-    for places in ground_truth.positions.tolist():
-        bodies = [(p, 0.5) for p in places]
+    for positions in ground_truth.positions.tolist():
+        bodies = [(p, 0.5) for p in positions]
         for i, (a, ra) in enumerate(bodies):
             for b, rb in [*bodies[:i], *fixed]:
                 least = min(least, dist(a, b) - ra - rb)
@@ -285,7 +285,7 @@ def test_who_sees_whom_and_gaps_agree_with_plain_geometry(runs, name):
 
 
 def _distance_to_segment(point, a, b):
-    """By sampling, finer than the world's own projection needs."""
+    """Distance from a segment, by sampling with steps smaller than the world's tolerance."""
     (ax, ay), (bx, by), (px, py) = a, b, point
     return min(
         hypot(ax + t * (bx - ax) - px, ay + t * (by - ay) - py) for t in np.linspace(0, 1, 2001)

@@ -1,7 +1,7 @@
-"""The picture of a whole hunt: who captured, who was silent or lost and when, times, and its area.
+"""The figure of a whole hunt: captors, silent and lost robots, times, and the area shown.
 
-What stands in it is compared with the hunt's result and plain geometry, where it stands with the
-boxes that matplotlib measures when it draws.
+The texts are compared with the hunt's result and plain geometry. Their positions are compared with
+the boxes that matplotlib measures when it draws.
 """
 
 from itertools import combinations, pairwise
@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
-from encircle.figures import figures
-from encircle.figures.figures import draw_run
+from encircle.figures import run_figures
+from encircle.figures.run_figures import draw_run
 from encircle.runlog.ground_truth import ground_truth_of
 from encircle.runner.hunts import run
 from encircle.world.recording.recording import read_recording
@@ -60,7 +60,7 @@ SPREAD_OUT = sorted(CASES.keys() - {"chase", "tall"})
 
 @pytest.fixture(scope="module")
 def hunts(tmp_path_factory):
-    """Hunts by name with the figure that is drawn of each, made when first asked for."""
+    """Hunts by name, each with its figure; each is made at its first use."""
     made = {}
 
     def hunt(name):
@@ -75,11 +75,11 @@ def hunts(tmp_path_factory):
 
 
 def _drawn(directory):
-    found = []
+    drawn = []
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(figures, "save", lambda figure, path: found.append(figure))
+        patched.setattr(run_figures, "save_png", lambda figure, path: drawn.append(figure))
         draw_run(directory, directory / "t.png")
-    (figure,) = found
+    (figure,) = drawn
     figure.draw_without_rendering()
     return figure
 
@@ -98,14 +98,14 @@ def labels_of(figure):
 
 
 def numerals_of(figure):
-    """Number, place and text of every numbered time."""
+    """Number, position and text of every time label."""
     small = min(text.get_fontsize() for text in figure.axes[0].texts)
     texts = [text for text in figure.axes[0].texts if text.get_fontsize() == small]
     return [(int(t.get_text()), t.xy, t) for t in texts if t.get_text().isdigit()]
 
 
 def shown(ground_truth):
-    """All places of bodies, in m."""
+    """All positions of bodies, in m."""
     return ground_truth.positions.reshape(-1, 2)
 
 
@@ -115,8 +115,8 @@ def test_what_happened_fills_the_axes(hunts, name):
     (axes,) = figure.axes
     fixed = [np.array(o.position) for o in ground_truth.scenario.obstacles]
     corners = [p + s for p in fixed for s in (-0.8, 0.8)]
-    places = np.vstack([shown(ground_truth), *corners])
-    box = axes.transData.transform([places.min(axis=0), places.max(axis=0)])
+    positions = np.vstack([shown(ground_truth), *corners])
+    box = axes.transData.transform([positions.min(axis=0), positions.max(axis=0)])
     share = np.prod(box[1] - box[0]) / (axes.bbox.width * axes.bbox.height)
     assert share > 0.75
     assert axes.bbox.width * axes.bbox.height / np.prod(figure.bbox.size) > 0.55
@@ -153,10 +153,12 @@ def test_times_are_numbered_at_the_same_ticks_for_all(hunts, name):
     (step,) = steps
     assert f"every {step} ticks, numbered" in entries_of(figure)
     for tick in ticks:
-        places = {place for number, place, _ in numerals if number == tick}
-        wanted = {tuple(place) for place in ground_truth.positions[ground_truth.row(tick)].tolist()}
-        assert places <= wanted
-    # Where all are at the target there may be no room for one or two.
+        positions = {position for number, position, _ in numerals if number == tick}
+        expected = {
+            tuple(position) for position in ground_truth.positions[ground_truth.row(tick)].tolist()
+        }
+        assert positions <= expected
+    # Where all bodies are close to the target, one or two labels may find no free box.
     assert len(numerals) >= 0.9 * len(ticks) * ground_truth.positions.shape[1]
 
 
@@ -210,8 +212,8 @@ def test_it_says_and_shows_who_captured_when_not_all_did(hunts, name, needed):
     assert title.endswith(f" by {', '.join(captors)} ({needed} needed)")
     assert "captured it" in entries_of(figure)
     discs = {tuple(p.center): p.get_facecolor() for p in figure.axes[0].patches}
-    for robot, place in zip(hunt.scenario.ids, ground_truth.robots[-1].tolist(), strict=True):
-        white = discs[tuple(place)] == (1.0, 1.0, 1.0, 1.0)
+    for robot, position in zip(hunt.scenario.ids, ground_truth.robots[-1].tolist(), strict=True):
+        white = discs[tuple(position)] == (1.0, 1.0, 1.0, 1.0)
         assert white == (robot not in captors)
 
 
@@ -235,9 +237,9 @@ def test_silence_is_marked_where_it_was_and_when(hunts):
             line.get_xydata(), ground_truth.robots[first : after + 1, robot]
         )
     labels = labels_of(figure)
-    for said, robot, tick in (("off 5", 1, 5), ("on 15", 1, 15), ("off 12", 3, 12)):
-        assert dist(labels[said].xy, ground_truth.robots[tick, robot]) < 1e-9
-    assert not any(said.startswith("on ") for said in labels if said != "on 15")
+    for text, robot, tick in (("off 5", 1, 5), ("on 15", 1, 15), ("off 12", 3, 12)):
+        assert dist(labels[text].xy, ground_truth.robots[tick, robot]) < 1e-9
+    assert not any(text.startswith("on ") for text in labels if text != "on 15")
 
 
 def test_losses_are_marked_as_the_result_tells_them(hunts):
@@ -246,9 +248,9 @@ def test_losses_are_marked_as_the_result_tells_them(hunts):
     labels = labels_of(figure)
     assert {what.partition(":")[0] for _, _, what in hunt.result.departures} == {"lost", "back"}
     for tick, robot, what in hunt.result.departures:
-        place = ground_truth.robots[tick, hunt.scenario.ids.index(robot)]
-        assert dist(labels[f"{what.partition(':')[0]} {tick}"].xy, place) < 1e-9
-    # A robot that is lost has no radio that could be off.
+        position = ground_truth.robots[tick, hunt.scenario.ids.index(robot)]
+        assert dist(labels[f"{what.partition(':')[0]} {tick}"].xy, position) < 1e-9
+    # A lost robot is not marked as silent too.
     assert dist(labels["off 18"].xy, ground_truth.robots[18, 1]) < 1e-9
     assert ground_truth.silent.sum() == 2
     for robot, span in ((3, range(8, 17)), (1, range(20, ground_truth.last_tick + 1))):
@@ -273,9 +275,9 @@ def test_robots_of_one_colour_differ_in_line_and_marker(tmp_path):
 
 @given(st.integers(1, 10**6), st.integers(1, 256))
 def test_times_are_marked_at_round_ticks_and_not_too_often(last_tick, robots):
-    from encircle.figures.trajectories import TIME_MARKS_MAX, TIMES_MAX, time_step
+    from encircle.figures.trajectories import TIME_MARKS_MAX, TIMES_MAX, time_mark_period_ticks
 
-    step = time_step(last_tick, robots)
+    step = time_mark_period_ticks(last_tick, robots)
     assert str(step).rstrip("0") in {"1", "2", "5"}
     marks = last_tick // step
     assert marks <= TIME_MARKS_MAX
@@ -285,7 +287,7 @@ def test_times_are_marked_at_round_ticks_and_not_too_often(last_tick, robots):
 
 
 def test_the_picture_in_the_readme_is_of_this_program(hunts, tmp_path):
-    """But for the edges of letters, which depend on how they are rendered."""
+    """The edges of letters are not compared, because they depend on the renderer."""
     draw_run(hunts("sim1")[0].out, tmp_path / "t.png")
     ours, shipped = imread(tmp_path / "t.png"), imread(HUNT)
     assert ours.shape == shipped.shape

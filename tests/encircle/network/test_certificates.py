@@ -1,7 +1,6 @@
-"""Certificates: what is in the files, who may do what with them, and that nothing is overwritten.
+"""Certificates: the content of the files, what each allows, and that nothing is overwritten.
 
-OpenSSL, by way of the standard library, is the judge of who gets a connection: two ends of a
-handshake in memory.
+OpenSSL decides who gets a connection: the tests do handshakes in memory with the standard library.
 """
 
 import contextlib
@@ -15,7 +14,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from encircle.network.certificates import CertificateError, describe, make_certificates
+from encircle.network.certificates import CertificateError, describe_certificates, make_certificates
 from encircle.protocol.zenoh.access_control import identity_in
 from encircle.protocol.zenoh.endpoints import Identity
 
@@ -34,7 +33,7 @@ def certificate(lab, name):
 
 
 def handshake(server: Identity, client: Identity, host: str) -> None:
-    """Mutual TLS in memory; ``ssl.SSLError`` if either end will not have the other."""
+    """Mutual TLS in memory; raises ``ssl.SSLError`` if either end refuses the other."""
     ends = []
     for identity, serves in ((server, True), (client, False)):
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER if serves else ssl.PROTOCOL_TLS_CLIENT)
@@ -47,10 +46,10 @@ def handshake(server: Identity, client: Identity, host: str) -> None:
     (_, *server_pipes), (_, *client_pipes) = ends
     done: set[int] = set()
     for _ in range(FLIGHTS_MAX):
-        for place, (end, _, _) in enumerate(ends):
+        for path, (end, _, _) in enumerate(ends):
             with contextlib.suppress(ssl.SSLWantReadError):
                 end.do_handshake()
-                done.add(place)
+                done.add(path)
             server_pipes[0].write(client_pipes[1].read())
             client_pipes[0].write(server_pipes[1].read())
         if len(done) == len(ends):
@@ -117,12 +116,19 @@ def test_there_is_a_file_for_each_thing_and_only_their_owner_reads_keys(lab):
 
 def test_common_names_are_the_ids_and_validity_is_what_is_stated(lab):
     for name in NODE_KINDS:
-        found = certificate(lab, name)
-        assert [a.value for a in found.subject] == [name]
-        assert found.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == name
-        assert (found.not_valid_before_utc, found.not_valid_after_utc) == lab[-2:]
+        certificates_read = certificate(lab, name)
+        assert [a.value for a in certificates_read.subject] == [name]
+        assert (
+            certificates_read.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == name
+        )
+        assert (
+            certificates_read.not_valid_before_utc,
+            certificates_read.not_valid_after_utc,
+        ) == lab[-2:]
     assert timedelta(days=30) < lab.not_after - lab.not_before < timedelta(days=31)
-    assert all(name in describe(lab) for name in (*NODE_KINDS, f"{lab.not_after:%Y-%m-%d}"))
+    assert all(
+        name in describe_certificates(lab) for name in (*NODE_KINDS, f"{lab.not_after:%Y-%m-%d}")
+    )
 
 
 def test_the_authority_signs_ends_only_and_outlives_what_it_signed(lab):
@@ -136,11 +142,13 @@ def test_the_authority_signs_ends_only_and_outlives_what_it_signed(lab):
     key = load_pem_private_key(lab.authority_key.read_bytes(), None)
     assert key.public_key() == authority.public_key()
     for name in NODE_KINDS:
-        found = certificate(lab, name)
-        found.verify_directly_issued_by(authority)
-        assert authority.not_valid_before_utc <= found.not_valid_before_utc
-        assert authority.not_valid_after_utc >= found.not_valid_after_utc
-        assert not found.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
+        certificates_read = certificate(lab, name)
+        certificates_read.verify_directly_issued_by(authority)
+        assert authority.not_valid_before_utc <= certificates_read.not_valid_before_utc
+        assert authority.not_valid_after_utc >= certificates_read.not_valid_after_utc
+        assert not certificates_read.extensions.get_extension_for_class(
+            x509.BasicConstraints
+        ).value.ca
 
 
 def test_uses_and_names_are_those_of_the_part_played(lab):
@@ -158,9 +166,11 @@ def test_uses_and_names_are_those_of_the_part_played(lab):
 
 
 def test_no_two_keys_or_numbers_are_the_same(lab):
-    found = [certificate(lab, name) for name in ("authority", *NODE_KINDS)]
-    assert len({c.public_key().public_numbers() for c in found}) == len(found)
-    assert len({c.serial_number for c in found}) == len(found)
+    certificates_read = [certificate(lab, name) for name in ("authority", *NODE_KINDS)]
+    assert len({c.public_key().public_numbers() for c in certificates_read}) == len(
+        certificates_read
+    )
+    assert len({c.serial_number for c in certificates_read}) == len(certificates_read)
 
 
 def test_nothing_is_overwritten(lab, tmp_path):
@@ -177,7 +187,7 @@ def test_nothing_is_overwritten(lab, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("arguments", "message"),
     [
         ({"robots": 0}, "robots = 0: must be 1 to 256"),
         ({"robots": 257}, "robots = 257: must be 1 to 256"),
@@ -189,7 +199,7 @@ def test_nothing_is_overwritten(lab, tmp_path):
         ),
     ],
 )
-def test_what_cannot_be_meant_is_named_and_leaves_nothing_behind(tmp_path, asked, said):
-    with pytest.raises(CertificateError, match=said):
-        make_certificates(tmp_path / "lab", **{"robots": 2} | asked)
+def test_what_cannot_be_meant_is_named_and_leaves_nothing_behind(tmp_path, arguments, message):
+    with pytest.raises(CertificateError, match=message):
+        make_certificates(tmp_path / "lab", **{"robots": 2} | arguments)
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""Traces of recorded runs: the channel that replays one loses and delays what the network did."""
+"""Traces of recorded runs: a channel that replays a trace loses and delays what the network did."""
 
 import csv
 import io
@@ -10,8 +10,9 @@ from helpers_real_time import Simulated, by_clock
 from rich.console import Console
 
 from encircle.cli.main import main
-from encircle.network.tracing import NetworkTrace, Row, trace_of, write_trace
-from encircle.network.transport import ledger_of, show
+from encircle.network.recorded_ledger import ledger_of
+from encircle.network.tracing import NetworkTrace, TraceRow, trace_of, write_trace
+from encircle.network.transport_tables import print_transport_report
 from encircle.runlog.recorded_log import log_of_recording
 from encircle.runner.hunts import run
 from encircle.world.loading.trace_files import read_trace, rows_of
@@ -23,7 +24,7 @@ TICKS = 160
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A run over a network that loses a fifth of everything, with its directory."""
+    """A run over a network that loses a fifth of all messages, with its directory."""
     out = tmp_path_factory.mktemp("recorded") / "run"
     scenario = by_clock("radio=direct", f"ticks_max={TICKS}")
     played = Simulated(scenario, lossy, OFFSETS_US, DRIFTS, out=out)
@@ -62,11 +63,11 @@ def test_recorded_converted_and_replayed_the_losses_are_those_of_the_network(
                 continue
             truth = recorded.sent[sender, receiver, "pose"]
             first = truth.index(False)
-            wanted = truth[first : first + len(due)]
-            assert len(wanted) >= 60
-            assert (due[: len(wanted), i, k] < 0).tolist() == wanted
-            # Delays of a millisecond or two: one tick, as all that is not lost.
-            sent_ticks = np.arange(len(wanted))[~np.array(wanted)]
+            expected = truth[first : first + len(due)]
+            assert len(expected) >= 60
+            assert (due[: len(expected), i, k] < 0).tolist() == expected
+            # A delay of one or two milliseconds means delivery after one tick.
+            sent_ticks = np.arange(len(expected))[~np.array(expected)]
             assert (due[sent_ticks, i, k] == sent_ticks + 1).all()
 
 
@@ -79,7 +80,8 @@ def test_delays_in_the_file_are_those_of_the_network_within_the_clocks_bounds(re
     truth = truth[next(k for k, t in enumerate(truth) if t is not None) :]
     assert [v is None for v in values] == [t is None for t in truth[: len(values)]]
     known = [(v, t / 1e6) for v, t in zip(values, truth, strict=False) if v is not None]
-    # A packet that the world never got has no known time of sending; its delay is the median.
+    # The time of sending is unknown for packets that did not reach the world; the trace has the
+    # median delay.
     close = sum(abs(v - t) < 0.003 for v, t in known)
     assert close == len(known)
 
@@ -105,7 +107,7 @@ def test_with_an_observation_that_is_lost_go_the_packets_that_it_brings(tmp_path
     up, down = played.sent["r1", "world", "pose"], played.sent["world", "r3", "observation"]
     rows = [row for row in trace.rows if (row.sender, row.receiver) == ("r1", "r3")]
     assert len(rows) > 60
-    # Packets are sent in answer to the observations that came.
+    # Robots send packets only in answer to observations that have arrived.
     ticks = [
         tick for tick, lost in enumerate(played.sent["world", "r1", "observation"]) if not lost
     ]
@@ -114,7 +116,9 @@ def test_with_an_observation_that_is_lost_go_the_packets_that_it_brings(tmp_path
 
 
 def test_without_good_clocks_the_losses_are_told_without_delays(tmp_path):
-    trace = NetworkTrace([Row("r1", "r2", 0, 0.001), Row("r1", "r2", 1, None)], "clocks", 0)
+    trace = NetworkTrace(
+        [TraceRow("r1", "r2", 0, 0.001), TraceRow("r1", "r2", 1, None)], "clocks", 0
+    )
     write_trace(trace, tmp_path / "t.csv")
     with open(tmp_path / "t.csv", newline="") as file:
         assert list(csv.reader(file)) == [
@@ -126,7 +130,7 @@ def test_without_good_clocks_the_losses_are_told_without_delays(tmp_path):
 
 @pytest.fixture
 def cli(capsys):
-    """What ``encircle`` prints and how it ends: exit status, standard output, standard error."""
+    """Output of ``encircle``: exit status, standard output, standard error."""
 
     def run_command(*arguments: object) -> tuple[int, str, str]:
         status = main([str(argument) for argument in arguments])
@@ -186,12 +190,12 @@ def test_the_tables_of_transport_are_shown(cli, recorded):
 
 
 def shown(changes: dict, width: int = 80) -> str:
-    """The tables of a report with two links and a clock, on a terminal as wide as that."""
+    """The tables of a report with two links and a clock, on a terminal of a given width."""
     named = {"sender": "r1", "receiver": "world"}
     delays = {"delay_s_median": None, "delay_s_p99": None, "delay_s_error": 0.5}
     link = named | delays | {"carries": "pose", "sent": 7, "lost": 0, "unknown": 0}
     fate = named | {"sent": 7, "copied": 0, "lost": {}, "delay_s_mean": 0.02, "delay_s_max": 0.02}
-    found = {
+    rows = {
         "tick_s": 0.02,
         "links": [link | {"delay_refused": reason} for reason in ("because", "because", None)],
         "injected": [fate | changes],
@@ -199,7 +203,7 @@ def shown(changes: dict, width: int = 80) -> str:
         "incomplete_from_tick": None,
     }
     console = Console(width=width, file=io.StringIO())
-    show(found, console)
+    print_transport_report(rows, console)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 

@@ -11,7 +11,7 @@ import pytest
 from helpers_waiting import communicated, until
 
 import encircle
-from encircle.doctor.network import is_ours
+from encircle.doctor.network import is_encircle_command
 from encircle.runner import nodes
 from encircle.runner.fork_server import set_command_line
 from encircle.runner.launch import free_endpoint
@@ -58,7 +58,7 @@ def test_a_node_has_a_session_a_folder_and_a_command_line_of_its_own(server, out
     assert Path(f"/proc/{node.pid}/cwd").readlink() == tmp_path
     command = words.read_text().rstrip("\0").split("\0")
     assert command[:5] == [sys.executable, "-m", "encircle.agents", "r1", "--run"]
-    assert is_ours(command)
+    assert is_encircle_command(command)
     assert node.poll() is None
 
 
@@ -67,7 +67,7 @@ def test_the_fork_server_has_one_thread_and_one_thread_of_its_libraries(server, 
     pid = server._process.pid
     assert len(list(Path(f"/proc/{pid}/task").iterdir())) == 1
     assert environment_of(pid)["OMP_NUM_THREADS"] == "1"
-    assert is_ours(Path(f"/proc/{pid}/cmdline").read_text().rstrip("\0").split("\0"))
+    assert is_encircle_command(Path(f"/proc/{pid}/cmdline").read_text().rstrip("\0").split("\0"))
 
 
 def test_an_exit_status_is_that_of_the_program_and_an_error_is_told(server, output, tmp_path):

@@ -1,4 +1,4 @@
-"""How often intervals cover and decisions are wrong, over the shapes that the times of hunts have.
+"""Coverage of intervals and rate of wrong verdicts, over distributions like those of real hunts.
 
 What is true of a shape is summed over its law. Each share is held against bounds that it would miss
 by chance less than once in a million; seeds are fixed besides. A push counts some studies of each
@@ -14,12 +14,12 @@ from helpers_intervals import SHAPES, TICKS_MAX, assert_covers, holds
 
 from encircle.statistics.comparisons import (
     Verdict,
-    corrected,
+    holm_corrected,
     order_difference,
     paired_difference,
     rate_difference,
 )
-from encircle.statistics.intervals import restricted_mean_ticks
+from encircle.statistics.intervals import restricted_mean_time
 
 SEEDS = (20, 40, 100)
 CLAIMS = ("rate", "order", "mean")
@@ -28,7 +28,7 @@ STUDIES, STUDIES_NIGHTLY = 300, 4000
 
 
 def compared(ticks):
-    """The three claims of a study (S, 2) of two cells."""
+    """The tests of the three outcomes of a study (S, 2) of two cells."""
     a, b = ticks.T
     return {
         "rate": rate_difference(a < TICKS_MAX, b < TICKS_MAX),
@@ -38,29 +38,29 @@ def compared(ticks):
 
 
 def so(truth):
-    """The decision that is right; none is where nothing differs."""
+    """The correct verdict; undecided if there is no difference."""
     if abs(truth) < 1e-9:
         return None
     return Verdict.HIGHER if truth > 0.0 else Verdict.LOWER
 
 
 def counted(shape, seeds, studies):
-    """How often intervals cover and what is decided is so or not, and the sum of their widths."""
-    found, width = Counter(), Counter()
+    """How often intervals cover, how often verdicts are right or wrong, and the sum of widths."""
+    counts, width = Counter(), Counter()
     for ticks in shape.runs(np.random.default_rng([seeds, studies]), studies, seeds):
         b = ticks[:, 1]
-        cell = restricted_mean_ticks(b, b < TICKS_MAX, TICKS_MAX)
+        cell = restricted_mean_time(b, b < TICKS_MAX, TICKS_MAX)
         tests = compared(ticks)
         intervals = {"cell": (cell, shape.mean_b)}
         intervals |= {name: (tests[name].mean, getattr(shape, name)) for name in CLAIMS}
         for name, (interval, truth) in intervals.items():
-            found[name] += holds(interval, truth)
+            counts[name] += holds(interval, truth)
             width[name] += interval.high - interval.low
         for name, test in tests.items():
             right = so(getattr(shape, name))
-            found[f"{name} right"] += test.verdict_alone is right
-            found[f"{name} wrong"] += test.verdict_alone not in (right, Verdict.UNDECIDED)
-    return found, width
+            counts[f"{name} right"] += test.uncorrected_verdict is right
+            counts[f"{name} wrong"] += test.uncorrected_verdict not in (right, Verdict.UNDECIDED)
+    return counts, width
 
 
 def hits(count, studies):
@@ -70,11 +70,11 @@ def hits(count, studies):
 @pytest.mark.parametrize("seeds", SEEDS)
 @pytest.mark.parametrize("name", SHAPES)
 def test_intervals_cover_and_decisions_are_rarely_wrong(name, seeds):
-    found, _ = counted(SHAPES[name], seeds, STUDIES)
+    counts, _ = counted(SHAPES[name], seeds, STUDIES)
     for what in MEASURED:
-        assert_covers(hits(found[what], STUDIES), 0.95, 1.0)
+        assert_covers(hits(counts[what], STUDIES), 0.95, 1.0)
     for what in CLAIMS:
-        assert_covers(hits(found[f"{what} wrong"], STUDIES), 0.0, 0.05)
+        assert_covers(hits(counts[f"{what} wrong"], STUDIES), 0.0, 0.05)
 
 
 @pytest.mark.nightly
@@ -82,10 +82,10 @@ def test_intervals_cover_and_decisions_are_rarely_wrong(name, seeds):
 @pytest.mark.parametrize("seeds", SEEDS)
 @pytest.mark.parametrize("name", SHAPES)
 def test_many_intervals_cover_and_decisions_are_rarely_wrong(name, seeds):
-    found, width = counted(SHAPES[name], seeds, STUDIES_NIGHTLY)
+    counts, width = counted(SHAPES[name], seeds, STUDIES_NIGHTLY)
 
     def shares(*names):
-        return " ".join(f"{100 * found[name] / STUDIES_NIGHTLY:5.1f}" for name in names)
+        return " ".join(f"{100 * counts[name] / STUDIES_NIGHTLY:5.1f}" for name in names)
 
     print(
         f"{seeds:3d} seeds, {name:42s}: cover {shares(*MEASURED)};"
@@ -93,47 +93,50 @@ def test_many_intervals_cover_and_decisions_are_rarely_wrong(name, seeds):
         f" right {shares(*(f'{what} right' for what in CLAIMS))};"
         f" ticks wide {width['cell'] / STUDIES_NIGHTLY:.1f} {width['mean'] / STUDIES_NIGHTLY:.1f}"
     )
-    # Wilson's coverage swings with the rate: for a cell in which few runs fail it is the least.
-    assert_covers(hits(found["cell"], STUDIES_NIGHTLY), 0.92, 1.0)
+    # Wilson's coverage oscillates with the rate; it is lowest for a cell in which few runs fail.
+    assert_covers(hits(counts["cell"], STUDIES_NIGHTLY), 0.92, 1.0)
     for what in CLAIMS:
-        assert_covers(hits(found[what], STUDIES_NIGHTLY), 0.945, 1.0)
-        assert_covers(hits(found[f"{what} wrong"], STUDIES_NIGHTLY), 0.0, 0.05)
+        assert_covers(hits(counts[what], STUDIES_NIGHTLY), 0.945, 1.0)
+        assert_covers(hits(counts[f"{what} wrong"], STUDIES_NIGHTLY), 0.0, 0.05)
 
 
 @pytest.mark.parametrize("common", [0.0, 0.7])
 @pytest.mark.parametrize("name", ["alike, 2 % fail", "alike, 5 % fail", "1 against 5 % fail"])
 def test_averages_over_settings_cover_and_are_rarely_wrong(name, common):
-    # Five settings on 40 seeds; a share of the seeds end in all settings as they do in the first.
+    # Five settings on 40 seeds; for a share of the seeds all settings end like the first one.
     shape, studies, seeds = SHAPES[name], 300, 40
     rng = np.random.default_rng(11)
     ticks = shape.runs(rng, studies, seeds * 5).reshape(studies, seeds, 5, 2)
     alike = rng.random((studies, seeds)) < common
     ticks[alike] = ticks[alike][:, :1]
-    found = Counter()
+    counts = Counter()
     for study in ticks:
         a, b = np.moveaxis(study, -1, 0)
-        cell = restricted_mean_ticks(b.T, b.T < TICKS_MAX, TICKS_MAX)
+        cell = restricted_mean_time(b.T, b.T < TICKS_MAX, TICKS_MAX)
         rates = [(x < TICKS_MAX).mean(axis=1) for x in (a, b)]
         rate = paired_difference(*rates, 1.0, less_is_better=False)
         time = paired_difference(a.mean(axis=1), b.mean(axis=1), TICKS_MAX)
-        found["cell"] += holds(cell, shape.mean_b)
+        counts["cell"] += holds(cell, shape.mean_b)
         for what, test, truth in (("rate", rate, shape.rate), ("mean", time, shape.mean)):
-            found[what] += holds(test.mean, truth)
-            found[f"{what} wrong"] += test.verdict_alone not in (so(truth), Verdict.UNDECIDED)
+            counts[what] += holds(test.mean, truth)
+            counts[f"{what} wrong"] += test.uncorrected_verdict not in (
+                so(truth),
+                Verdict.UNDECIDED,
+            )
     for what in ("cell", "rate", "mean"):
-        assert_covers(hits(found[what], studies), 0.95, 1.0)
+        assert_covers(hits(counts[what], studies), 0.95, 1.0)
     for what in ("rate wrong", "mean wrong"):
-        assert_covers(hits(found[what], studies), 0.0, 0.05)
+        assert_covers(hits(counts[what], studies), 0.0, 0.05)
 
 
 def test_a_report_of_many_comparisons_is_rarely_wrong_at_all():
-    # 8 comparisons of cells that are alike: without correction one report in three decides.
+    # 8 comparisons of equal cells: without correction one report in three has a wrong verdict.
     shape, studies, single = SHAPES["alike, 5 % fail"], 150, 8
     ticks = shape.runs(np.random.default_rng(7), studies * single, 100)
     alone, together = [], []
     for study in ticks.reshape(studies, single, 100, 2):
-        tests = corrected([test for one in study for test in compared(one).values()])
-        alone.append(any(test.verdict_alone is not Verdict.UNDECIDED for test in tests))
+        tests = holm_corrected([test for one in study for test in compared(one).values()])
+        alone.append(any(test.uncorrected_verdict is not Verdict.UNDECIDED for test in tests))
         together.append(any(test.verdict is not Verdict.UNDECIDED for test in tests))
     assert np.mean(alone) > 0.2
     assert_covers(together, 0.0, 0.05)
@@ -141,11 +144,11 @@ def test_a_report_of_many_comparisons_is_rarely_wrong_at_all():
 
 @pytest.mark.parametrize("seeds", SEEDS)
 def test_a_difference_that_all_seeds_show_is_decided_whatever_may_still_fail(seeds):
-    # 36 against 45 ticks, all captured: the mean is open to failures unseen, the order is not.
+    # 36 against 45 ticks, all captured: unseen failures could change the mean, but not the order.
     rng = np.random.default_rng(2)
     ticks = np.stack((rng.integers(34, 39, seeds), rng.integers(43, 48, seeds)), axis=-1)
-    found = compared(ticks.astype(float))
-    assert found["order"].verdict_alone is Verdict.HIGHER
-    assert found["order"].mean.value == 1.0
-    assert found["mean"].mean.low < found["mean"].mean.value < found["mean"].mean.high
-    assert found["rate"].verdict_alone is Verdict.UNDECIDED
+    counts = compared(ticks.astype(float))
+    assert counts["order"].uncorrected_verdict is Verdict.HIGHER
+    assert counts["order"].mean.value == 1.0
+    assert counts["mean"].mean.low < counts["mean"].mean.value < counts["mean"].mean.high
+    assert counts["rate"].uncorrected_verdict is Verdict.UNDECIDED

@@ -1,4 +1,4 @@
-"""Figures of studies: what they show against counts from the table, what they name, what fits."""
+"""Figures of studies: drawn values against counts from the table, names, and what fits."""
 
 import os
 import subprocess
@@ -27,14 +27,14 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from encircle.statistics.comparisons import Verdict
-from encircle.studies.charts import charts, views
+from encircle.studies.charts import charts, layout
 from encircle.studies.charts import frames as chart_frames
 from encircle.studies.charts import survival as chart_survival
-from encircle.studies.charts.charts import charts_of, drawn_along, write_charts
-from encircle.studies.charts.lines import RATE, draw_against
+from encircle.studies.charts.charts import axes_to_draw, charts_of, write_charts
+from encircle.studies.charts.lines import RATE, draw_along_axis
 from encircle.studies.charts.maps import _name_levels, draw_maps
 from encircle.studies.plan import Axis
-from encircle.studies.summary import CLAIMS, summarise
+from encircle.studies.summary import OUTCOMES, summarise
 
 STRATEGIES = ["xi-star", "xi-0"]
 HOSTILE = ["$x^2", "_hidden", "a\nb <script>", "w" * 70, "a name that is longer than " * 4]
@@ -82,25 +82,25 @@ CASES = {
 
 
 class Case:
-    """A simulated study: its table's rows, its summary, its figures by name, drawn once."""
+    """A simulated study: rows of its table, its summary, and its figures by name."""
 
     def __init__(self, directory, tree, truth):
         self.plan = study_plan(**tree, measures=["age_ticks_mean"])
         with closing(filled(self.plan, directory, truth)) as table:
             self.rows = table.read().to_pydict()
             self.summary = summarise(self.plan, table)
-        with matplotlib.rc_context(chart_frames.LOOK):
+        with matplotlib.rc_context(chart_frames.STUDY_STYLE):
             self.drawn = {drawn.name: drawn for drawn in charts_of(self.summary)}
             for drawn in self.drawn.values():
                 FigureCanvasAgg(drawn.figure)
                 drawn.figure.draw_without_rendering()
 
-    def column(self, name, **levels):
+    def table_value(self, name, **levels):
         """A column of the runs at some levels, in the order of seeds."""
-        kept = np.ones(len(self.rows[name]), bool)
+        selected = np.ones(len(self.rows[name]), bool)
         for axis, level in levels.items():
-            kept &= np.array([value == level for value in self.rows[axis]])
-        return np.array(self.rows[name], float)[kept]
+            selected &= np.array([value == level for value in self.rows[axis]])
+        return np.array(self.rows[name], float)[selected]
 
 
 @pytest.fixture(scope="module")
@@ -122,9 +122,9 @@ def wilson(captured):
     return (centre - reach) / (1 + z * z / n), (centre + reach) / (1 + z * z / n)
 
 
-def bars(axes, place):
-    """Lower and upper ends of the error bars of the errorbar container at a place."""
-    _line, _caps, (segments,) = axes.containers[place]
+def bars(axes, index):
+    """Lower and upper ends of the error bars of one errorbar container of the axes."""
+    _line, _caps, (segments,) = axes.containers[index]
     return np.array(segments.get_segments())
 
 
@@ -135,20 +135,20 @@ def legend_texts(figure):
 def test_rates_are_shares_of_the_runs_with_wilsons_bars(cases):
     case = cases("lines")
     (axes,) = case.drawn["rate-by-loss"].figure.axes
-    for place, strategy in enumerate(STRATEGIES):
-        runs = [case.column("captured", loss=x, strategy=strategy) for x in LOSS["values"]]
-        points = axes.containers[place].lines[0].get_ydata()
+    for index, strategy in enumerate(STRATEGIES):
+        runs = [case.table_value("captured", loss=x, strategy=strategy) for x in LOSS["values"]]
+        points = axes.containers[index].lines[0].get_ydata()
         assert points == pytest.approx([100 * np.mean(r) for r in runs])
         expected = 100 * np.array([wilson(r) for r in runs])
-        assert bars(axes, place)[:, :, 1] == pytest.approx(expected, abs=1e-9)
+        assert bars(axes, index)[:, :, 1] == pytest.approx(expected, abs=1e-9)
 
 
 def test_times_are_means_in_which_runs_without_capture_count_as_the_limit(cases):
     case = cases("lines")
     (axes,) = case.drawn["time-by-loss"].figure.axes
-    for place, strategy in enumerate(STRATEGIES):
-        runs = [case.column("ticks", loss=x, strategy=strategy) for x in LOSS["values"]]
-        points = axes.containers[place].lines[0].get_ydata()
+    for index, strategy in enumerate(STRATEGIES):
+        runs = [case.table_value("ticks", loss=x, strategy=strategy) for x in LOSS["values"]]
+        points = axes.containers[index].lines[0].get_ydata()
         assert points == pytest.approx([0.1 * np.mean(np.minimum(r, 300)) for r in runs])
 
 
@@ -205,11 +205,11 @@ def test_survival_is_the_share_of_runs_that_last_longer(cases):
         for x in (0, 20, 40, 60, 80)
     ]
     for axes, loss in zip(panels, LOSS["values"], strict=True):
-        for place, strategy in enumerate(STRATEGIES):
-            curve, stroke = axes.lines[2 * place : 2 * place + 2]
-            captured = case.column("captured", loss=loss, strategy=strategy) > 0
-            ticks = case.column("ticks", loss=loss, strategy=strategy)
-            # All censoring is at the end, so Kaplan and Meier's estimate is a plain share.
+        for index, strategy in enumerate(STRATEGIES):
+            curve, stroke = axes.lines[2 * index : 2 * index + 2]
+            captured = case.table_value("captured", loss=loss, strategy=strategy) > 0
+            ticks = case.table_value("ticks", loss=loss, strategy=strategy)
+            # Runs are censored only at the end, so Kaplan and Meier's estimate is a plain share.
             for time_s, share in zip(*curve.get_data(), strict=True):
                 still = (ticks > time_s / 0.1 + 1e-6) | ~captured
                 assert share == pytest.approx(100 * still.mean())
@@ -225,10 +225,10 @@ def test_a_map_has_each_cell_in_its_place_with_its_number(cases):
     seconds = np.array([text.get_text() for text in times.texts]).reshape(4, 5)
     for (y, x), value in np.ndenumerate(shown):
         at = {"loss": LOSS["values"][x], "delay": FEW["values"][y]}
-        assert value == pytest.approx(100 * case.column("captured", **at).mean())
+        assert value == pytest.approx(100 * case.table_value("captured", **at).mean())
         assert float(printed[y, x]) == pytest.approx(value, abs=0.5)
         assert float(seconds[y, x]) == pytest.approx(
-            0.1 * case.column("ticks", **at).mean(), abs=0.05 + 1e-9
+            0.1 * case.table_value("ticks", **at).mean(), abs=0.05 + 1e-9
         )
     assert [t.get_text() for t in rates.get_xticklabels()] == ["0", "20", "40", "60", "80"]
     assert [t.get_text() for t in rates.get_yticklabels()] == [
@@ -302,8 +302,8 @@ def test_levels_that_are_not_in_order_are_drawn_in_order(tmp_path):
     plan = study_plan(axes=[{**LOSS, "values": [0.6, 0.0, 0.3]}, FEW], seeds=3)
     with closing(filled(plan, tmp_path / "t")) as table:
         summary = summarise(plan, table)
-    rates = [100.0 * summary.captured[len(FEW["values"]) * place].mean() for place in (1, 2, 0)]
-    (axes,) = draw_against(summary, plan.axes[0], RATE).figure.axes
+    rates = [100.0 * summary.captured[len(FEW["values"]) * index].mean() for index in (1, 2, 0)]
+    (axes,) = draw_along_axis(summary, plan.axes[0], RATE).figure.axes
     line = axes.containers[0].lines[0]
     assert (np.diff(line.get_xdata()) > 0).all()
     assert line.get_ydata() == pytest.approx(rates)
@@ -314,36 +314,36 @@ def test_levels_that_are_not_in_order_are_drawn_in_order(tmp_path):
 
 def test_differences_are_level_minus_baseline_and_filled_where_decided(cases):
     case = cases("arms")
-    panels = dict(zip(CLAIMS, case.drawn["differences"].figure.axes, strict=True))
+    panels = dict(zip(OUTCOMES, case.drawn["differences"].figure.axes, strict=True))
     arms = [arm["name"] for arm in ARMS["arms"]]
 
     def change(name, x, arm):
-        base, values = (case.column(name, loss=x, radio=which) for which in (arms[0], arm))
+        base, values = (case.table_value(name, loss=x, radio=which) for which in (arms[0], arm))
         return (values - base).mean()
 
-    told = {(one.others["loss"], one.level): one for one in case.summary.comparisons}
+    comparisons = {(one.others["loss"], one.level): one for one in case.summary.comparisons}
     for claim, axes in panels.items():
         points = [
             line for line in axes.lines if line.get_marker() in "osD^" and line.get_ls() == "None"
         ]
         spans = [line for line in axes.lines if len(line.get_xdata()) == 2 and line.get_lw() == 1.0]
         assert len(points) == len(spans) == 10
-        for place, (point, span) in enumerate(zip(points, spans, strict=True)):
-            level, arm = LOSS["values"][place // 2], arms[1 + place % 2]
+        for index, (point, span) in enumerate(zip(points, spans, strict=True)):
+            level, arm = LOSS["values"][index // 2], arms[1 + index % 2]
             expected = {
                 "rate": 100.0 * change("captured", level, arm),
                 "time_s": 0.1 * change("ticks", level, arm),
             }
-            test = getattr(told[level, arm], claim)
+            test = getattr(comparisons[level, arm], claim)
             scale = 1.0 if claim == "time_s" else 100.0
             assert point.get_xdata()[0] == pytest.approx(
                 expected.get(claim, 100.0 * test.mean.value)
             )
             assert span.get_xdata() == pytest.approx([scale * x for x in test.mean[1:]])
-            assert int(point.get_ydata()[0]) == place // 2
+            assert int(point.get_ydata()[0]) == index // 2
             hollow = same_color(point.get_markerfacecolor(), "white")
             assert hollow == (test.verdict is Verdict.UNDECIDED)
-        decided = [getattr(one, claim).verdict for one in told.values()]
+        decided = [getattr(one, claim).verdict for one in comparisons.values()]
         assert {"undecided"} < set(decided)
     names = panels["rate"].get_yticklabels()
     assert names[0].get_text().endswith("0\N{NO-BREAK SPACE}%")
@@ -355,8 +355,8 @@ def test_age_is_in_seconds_and_has_a_point_for_each_cell(cases):
     points = np.vstack([c.get_offsets() for c in rates.collections if c.get_offsets().size > 2])
     expected = [
         (
-            0.1 * case.column("age_ticks_mean", loss=x, delay=d).mean(),
-            100 * case.column("captured", loss=x, delay=d).mean(),
+            0.1 * case.table_value("age_ticks_mean", loss=x, delay=d).mean(),
+            100 * case.table_value("captured", loss=x, delay=d).mean(),
         )
         for x in LOSS["values"]
         for d in FEW["values"]
@@ -365,24 +365,24 @@ def test_age_is_in_seconds_and_has_a_point_for_each_cell(cases):
 
 
 def tick_labels(axes):
-    """The texts along x, and those along y, that stand at a place in view."""
-    found = []
+    """The visible tick labels along x, and those along y."""
+    visible = []
     for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
         low, high = sorted(limits)
         ticks = [t for t in axis.get_major_ticks() if low <= t.get_loc() <= high]
         texts = [t for tick in ticks for t in (tick.label1, tick.label2)]
-        found.append([text for text in texts if text.get_visible() and text.get_text()])
-    return found
+        visible.append([text for text in texts if text.get_visible() and text.get_text()])
+    return visible
 
 
 def texts_in(figure):
-    """All texts that are drawn: of marks along axes only those in view."""
-    found = [text for legend in figure.legends for text in legend.findobj(Text)]
+    """All texts that are drawn; of tick labels only the visible ones."""
+    texts = [text for legend in figure.legends for text in legend.findobj(Text)]
     for axes in figure.axes:
         rulers = {text for axis in (axes.xaxis, axes.yaxis) for text in axis.findobj(Text)}
-        found += [text for text in axes.findobj(Text) if text not in rulers]
-        found += [axes.xaxis.label, axes.yaxis.label, *chain(*tick_labels(axes))]
-    return [text for text in found if text.get_visible() and text.get_text().strip()]
+        texts += [text for text in axes.findobj(Text) if text not in rulers]
+        texts += [axes.xaxis.label, axes.yaxis.label, *chain(*tick_labels(axes))]
+    return [text for text in texts if text.get_visible() and text.get_text().strip()]
 
 
 @pytest.mark.parametrize("name", sorted(CASES))
@@ -456,19 +456,19 @@ def test_what_does_not_fit_is_left_out_evenly_and_the_caption_says_so(tmp_path):
     many = {"name": "limit", "label": "limit", "unit": "ticks", "key": "ticks_max"}
     many["range"] = {"first": 30, "last": 300, "count": 10}
     plan = study_plan(axes=[many, DELAY], seeds=1)
-    shape = views.figure_layout(plan, plan.axes[1])
-    assert shape.places == (0, 2, 4, 5, 7, 9)
+    shape = layout.figure_layout(plan, plan.axes[1])
+    assert shape.level_indices == (0, 2, 4, 5, 7, 9)
     assert shape.left_out == (
         "Shown are 6 of 10 levels of limit (30, 90, 150, 180, 240, 300 ticks)."
     )
-    shape = views.figure_layout(plan)
+    shape = layout.figure_layout(plan)
     assert len(shape.settings) == 6
     assert shape.left_out.endswith("and 6 of 7 settings of mean delay.")
 
 
 @pytest.mark.parametrize(("count", "most"), [(1, 6), (6, 6), (7, 6), (13, 6), (100, 1), (9, 2)])
 def test_evenly_keeps_the_ends_and_the_spacing(count, most):
-    chosen = views.evenly(count, most)
+    chosen = layout.evenly_spaced(count, most)
     assert len(chosen) == min(count, most)
     assert chosen[0] == 0
     assert chosen[-1] == count - 1 or most == 1
@@ -478,18 +478,18 @@ def test_evenly_keeps_the_ends_and_the_spacing(count, most):
 
 def test_a_view_finds_the_cells_of_the_plan():
     plan = study_plan(axes=[LOSS, ARMS, DELAY], compare="radio", seeds=1)
-    shape = views.figure_layout(plan, plan.axes[0])
+    shape = layout.figure_layout(plan, plan.axes[0])
     assert shape.lines is plan.axes[1]
     for setting in shape.settings:
-        for line in shape.places:
-            for place in range(5):
-                cell = shape.cell(setting, line, place)
-                assert plan.cells[cell] == (place, line, setting["delay"])
+        for line in shape.level_indices:
+            for index in range(5):
+                cell = shape.cell(setting, line, index)
+                assert plan.cells[cell] == (index, line, setting["delay"])
 
 
 def test_named_axes_are_drawn_along_if_nothing_else_shows_them():
     def along(*axes):
-        return [axis.name for axis in drawn_along(study_plan(axes=axes, seeds=1))]
+        return [axis.name for axis in axes_to_draw(study_plan(axes=axes, seeds=1))]
 
     arms = [{"name": f"a{k}", "set": {}} for k in range(7)]
     assert along(ARMS) == ["radio"]
@@ -512,10 +512,10 @@ def test_a_map_of_many_levels_names_those_that_fit():
 
 def test_widely_spread_levels_have_a_log_scale():
     axis = Axis(name="noise", key="k", values=(0.001, 0.01, 1.0))
-    values = chart_frames.scaled(axis)
-    assert chart_frames.is_log(values)
-    assert not chart_frames.is_log(np.array([0.0, 0.001, 1.0]))
-    left, right = (chart_frames.beside(values, k, 2) for k in (0, 1))
+    values = chart_frames.scaled_levels(axis)
+    assert chart_frames.spans_decades(values)
+    assert not chart_frames.spans_decades(np.array([0.0, 0.001, 1.0]))
+    left, right = (chart_frames.side_by_side(values, k, 2) for k in (0, 1))
     assert np.sqrt(left * right) == pytest.approx(values)
 
 
@@ -523,10 +523,10 @@ REPEATED = """
 import sys
 from pathlib import Path
 from contextlib import closing
-from encircle.studies.charts.lines import RATE, draw_against
+from encircle.studies.charts.lines import RATE, draw_along_axis
 from encircle.studies.charts.maps import _name_levels, draw_maps
 from encircle.studies.charts.charts import write_charts
-from encircle.studies.summary import CLAIMS, summarise
+from encircle.studies.summary import summarise
 from helpers_studies import filled, study_plan
 out = Path(sys.argv[1])
 plan = study_plan(seeds=4)

@@ -1,4 +1,4 @@
-"""What sentences say where numbers have no bounds, or none that a level was tried at."""
+"""Sentences of a study where numbers have no bounds, or bounds beyond the levels."""
 
 import re
 from contextlib import closing
@@ -10,9 +10,9 @@ from helpers_studies import LOSS, Truth, filled, loss_only, never, study_plan
 
 from encircle.statistics.comparisons import Difference
 from encircle.statistics.intervals import Interval, capture_rate
-from encircle.studies.report.claims import summary_sentences
-from encircle.studies.report.tables import tables
-from encircle.studies.summary import Comparison, Overall, Tolerance, summarise
+from encircle.studies.report.result_tables import result_tables
+from encircle.studies.report.sentences import summary_sentences
+from encircle.studies.summary import Comparison, OverallComparison, Tolerance, summarise
 
 PLAN = study_plan(axes=[LOSS], strategies=["xi-star", "xi-0"])
 AT = {"strategy": "xi-0"}
@@ -23,14 +23,16 @@ def always(_levels):
     return Truth(0.1)
 
 
-def told(*, tolerated=(), comparisons=(), overall=()):
-    """The sentences after the first of a study that is no more than what is given."""
-    parts = {"tolerated": tolerated, "comparisons": comparisons, "overall": overall}
+def sentences_of(*, tolerances=(), comparisons=(), overall=()):
+    """The sentences after the first one, of a study with the given parts only."""
+    parts = {"tolerances": tolerances, "comparisons": comparisons, "overall": overall}
     return summary_sentences(SimpleNamespace(plan=PLAN, cells=[CELL], **parts))[1:]
 
 
 def tolerance(value, low, high, rising=False):
-    (sentence,) = told(tolerated=[Tolerance("loss", AT, Interval(value, low, high), rising)])
+    (sentence,) = sentences_of(
+        tolerances=[Tolerance("loss", AT, Interval(value, low, high), rising)]
+    )
     return sentence
 
 
@@ -65,7 +67,7 @@ def test_a_tolerance_is_no_surer_than_its_bounds(level, sentence):
 
 
 def test_a_bound_that_is_infinite_is_never_called_sure_of_a_level():
-    # The bounds that the statistics give: infinite, or between the levels.
+    # Bounds as the statistics give them: infinite, or between the levels.
     bounds = [-inf, 0.0, 0.13, 0.8, inf]
     for value in (nan, 0.0, 0.13, 0.8):
         for low in bounds[:-1]:
@@ -86,11 +88,11 @@ def test_a_bound_that_is_infinite_is_never_called_sure_of_a_level():
 def test_settings_together_are_no_surer_than_each():
     levels = [(0.8, -inf, inf), (nan, -inf, inf), (nan, -inf, 0.0), (0.5, 0.4, 0.6)]
     ones = [Tolerance("loss", AT, Interval(*level), False) for level in levels]
-    (sentence,) = told(tolerated=ones)
+    (sentence,) = sentences_of(tolerances=ones)
     assert "up to 80 %, the largest tried, surely at no level tried;" in sentence
     assert "not even at the first level, surely below at no level tried;" in sentence
     assert "not even at the first level;" in sentence
-    (sentence,) = told(tolerated=ones * 2)
+    (sentence,) = sentences_of(tolerances=ones * 2)
     assert "up to between 50 and 80 % in 4, surely at no level in 2, not even" in sentence
 
 
@@ -101,8 +103,8 @@ def difference(mean, p=1.0, p_corrected=1.0, ties=0, pairs=20, effect=nan):
 
 def sentence_of(test):
     one = Comparison("xi-0", "xi-star", {"loss": 0.2}, test, test, test, nan)
-    over = Overall("xi-0", "xi-star", 5, test, test, test)
-    return told(comparisons=[one], overall=[over])
+    over = OverallComparison("xi-0", "xi-star", 5, test, test, test)
+    return sentences_of(comparisons=[one], overall=[over])
 
 
 def test_a_single_seed_has_no_interval_and_no_p():
@@ -120,8 +122,10 @@ def test_what_is_the_same_with_every_seed_keeps_its_interval():
 def test_what_only_the_uncorrected_p_decides_is_told_as_that():
     low = difference(Interval(-0.2, -0.3, -0.1), p=0.004, p_corrected=0.08)
     for sentence in sentence_of(low):
-        told = "undecided after correction (-20 [-30, -10] points, p 0.004, corrected 0.080)"
-        assert f"capture rate {told}" in sentence
+        sentences_of = (
+            "undecided after correction (-20 [-30, -10] points, p 0.004, corrected 0.080)"
+        )
+        assert f"capture rate {sentences_of}" in sentence
         assert sentence.count("undecided after correction") == 3
         assert not re.search(r"\b(higher|lower|later in more)\b", sentence)
 
@@ -134,7 +138,7 @@ def test_a_decision_is_never_against_its_own_p_or_interval():
             for sentence in sentence_of(difference(mean, p_corrected / 3, p_corrected)):
                 claimed = re.findall(r"\b(higher|lower|in more seeds)\b", sentence)
                 decided = p_corrected <= 0.05 and (low > 0 or high < 0)
-                # Once for the mean over the settings, once for the one setting that there is.
+                # Once for the mean over all settings, once for the only setting.
                 assert len(claimed) == (6 if decided else 0)
 
 
@@ -145,7 +149,7 @@ def test_no_number_without_a_value_is_told(tmp_path, truth, seeds):
     with closing(filled(plan, tmp_path / "t", truth)) as table:
         summary = summarise(plan, table)
     assert len(summary.comparisons) == len(LOSS["values"])
-    text = " ".join([*summary_sentences(summary), *tables(summary)])
+    text = " ".join([*summary_sentences(summary), *result_tables(summary)])
     assert not re.search(r"\b(nan|inf)\b", text)
-    # 5 seeds have 32 sign changes, of which no two are below 0.05.
+    # 5 seeds have 32 sign changes, so the smallest two-sided p is 2/32, above 0.05.
     assert not re.search(r"\b(higher|in more seeds)\b", " ".join(summary_sentences(summary)))

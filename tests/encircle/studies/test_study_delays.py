@@ -1,4 +1,4 @@
-"""Studies of delay: what was delivered beside what was asked, and axes labelled by it."""
+"""Studies of delay: delivered beside requested delay, and axes labelled by delivered delay."""
 
 import csv
 from contextlib import closing
@@ -9,8 +9,8 @@ import pytest
 from helpers_pages import Page
 from helpers_studies import ARMS, DELAY, LOSS, filled, study_plan
 
-from encircle.studies.charts.frames import scaled
-from encircle.studies.charts.lines import RATE, draw_against
+from encircle.studies.charts.frames import scaled_levels
+from encircle.studies.charts.lines import RATE, draw_along_axis
 from encircle.studies.charts.maps import draw_maps
 from encircle.studies.plan import StudyError
 from encircle.studies.plan_files import load_plan
@@ -23,7 +23,7 @@ SHORT = {**LOSS, "values": [0.0, 0.3, 0.6]}
 
 
 def summed_up(directory, **changes):
-    """A filled study's rows, its summary, and its report."""
+    """Rows, summary and report of a filled study."""
     plan = study_plan(**changes)
     with closing(filled(plan, directory)) as table:
         rows = table.read().to_pandas()
@@ -41,11 +41,11 @@ def test_an_axis_of_delays_can_be_drawn_and_named_by_what_was_delivered(tmp_path
     rows, summary, page = summed_up(tmp_path / "t", axes=[SHORT, SHOWN], seeds=4)
     delivered_ms = 1000 * rows.groupby("delay")["delay_s_mean"].mean()
     axis = summary.plan.axes[1]
-    assert scaled(axis) == pytest.approx(delivered_ms)
+    assert scaled_levels(axis) == pytest.approx(delivered_ms)
     (drawn,) = draw_maps(summary)
     names = [f"{ms:.0f}" if ms >= 1000 else f"{ms:.3g}" for ms in delivered_ms]
     assert [t.get_text() for t in drawn.figure.axes[0].get_yticklabels()] == names
-    panel = draw_against(summary, axis, RATE).figure.axes[0]
+    panel = draw_along_axis(summary, axis, RATE).figure.axes[0]
     assert panel.get_xlabel() == "delivered mean delay (ms)"
     points = np.mean([c.lines[0].get_xdata() for c in panel.containers], axis=0)
     assert points == pytest.approx(delivered_ms)
@@ -64,16 +64,16 @@ def test_levels_are_kept_as_they_were_asked_for_in_the_files(tmp_path):
     assert [float(line["delay_s_mean_asked"]) for line in lines] == DELAY["values"]
     assert {line["delay_model"] for line in lines} == {"constant"}
     delivered_s = [float(line["delay_s_mean"]) for line in lines]
-    assert delivered_s == pytest.approx(summary.plan.axes[0].shown_values)
+    assert delivered_s == pytest.approx(summary.plan.axes[0].display_values)
 
 
 def test_how_much_delay_is_tolerated_is_told_as_delivered(tmp_path):
     plans = (study_plan(axes=[axis], seeds=30, tolerated_rate=0.95) for axis in (DELAY, SHOWN))
-    asked, shown = (summary_of(plan, tmp_path / str(k)) for k, plan in enumerate(plans))
-    levels, delivered_s = DELAY["values"], shown.plan.axes[0].shown_values
-    (one,), (other,) = asked.tolerated, shown.tolerated
+    requested, shown = (summary_of(plan, tmp_path / str(k)) for k, plan in enumerate(plans))
+    levels, delivered_s = DELAY["values"], shown.plan.axes[0].display_values
+    (one,), (other,) = requested.tolerances, shown.tolerances
     assert levels[0] < one.level.value < levels[-1]
-    # Between two levels both are interpolated linearly.
+    # Between two levels, requested and delivered delay are both interpolated linearly.
     assert other.level.value == pytest.approx(np.interp(one.level.value, levels, delivered_s))
 
 
@@ -89,8 +89,8 @@ def test_cells_show_what_was_delivered_beside_what_was_asked_where_there_is_dela
     head, *body = page.table("Cells")
     assert head[1:3] == ["Mean delay, asked (s)", "Mean delay, delivered (s)"]
     assert [line[1] for line in body] == ["0 (constant)", "0.3 (exponential)"]
-    found = [float(line[2].split()[0]) for line in body]
-    assert found == pytest.approx(rows.groupby("cell")["delay_s_mean"].mean(), rel=1e-3)
+    delays = [float(line[2].split()[0]) for line in body]
+    assert delays == pytest.approx(rows.groupby("cell")["delay_s_mean"].mean(), rel=1e-3)
     _rows, _summary, page = summed_up(tmp_path / "n", axes=[SHORT], seeds=3)
     assert "delay" not in " ".join(page.table("Cells")[0])
 
@@ -102,8 +102,8 @@ def test_levels_that_come_out_alike_are_drawn_and_nothing_is_said_to_be_tolerate
     summary = type(summary)(
         alike, *(getattr(summary, f) for f in ("cells", "captured", "ticks", "tick_s"))
     )
-    assert summary.tolerated == ()
-    line = draw_against(summary, alike.axes[0], RATE).figure.axes[0].containers[0].lines[0]
+    assert summary.tolerances == ()
+    line = draw_along_axis(summary, alike.axes[0], RATE).figure.axes[0].containers[0].lines[0]
     assert line.get_xdata() == pytest.approx([100.0] * 4)
 
 
@@ -123,7 +123,7 @@ def test_only_delays_can_be_shown_as_delivered(axis, wrong):
 
 
 def test_a_study_that_runs_shows_the_delay_that_the_law_gives(tmp_path):
-    # The tail of an exponential law, summed over ticks of length h: h / (1 - exp(-h / m)).
+    # Mean of an exponential delay m that is rounded up to ticks of length h: h / (1 - exp(-h / m)).
     axis = {**SHOWN, "values": [0.05, 0.1, 0.4]}
     tree = {"scenario": "sim1", "axes": [axis], "seeds": 6, "measures": ["captured"]}
     plan = load_plan(
@@ -132,6 +132,6 @@ def test_a_study_that_runs_shows_the_delay_that_the_law_gives(tmp_path):
     study = Study(plan, tmp_path)
     study.run(workers=1)
     with closing(study.open()) as table:
-        shown = summarise(plan, table).plan.axes[0].shown_values
+        shown = summarise(plan, table).plan.axes[0].display_values
     expected = [0.1 / (1.0 - exp(-0.1 / mean_s)) for mean_s in axis["values"]]
     assert shown == pytest.approx(expected, rel=0.05)

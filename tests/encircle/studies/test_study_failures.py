@@ -1,4 +1,4 @@
-"""Runs of a study that fail: the others go on, the failed ones are told, counted and retried."""
+"""Failed runs of a study: the others go on; failed ones are reported, counted and repeated."""
 
 import json
 import re
@@ -65,21 +65,21 @@ def failing(frame):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    found = encircle.study(tree("moody"), tmp_path_factory.mktemp("made") / "t")
-    assert found.run(workers=2) == 16
-    return found
+    study_run = encircle.study(tree("moody"), tmp_path_factory.mktemp("made") / "t")
+    assert study_run.run(workers=2) == 16
+    return study_run
 
 
 @pytest.fixture
 def study(made, tmp_path):
-    """One of its own for every test."""
+    """A study in a directory of its own for every test."""
     shutil.copytree(made.directory, tmp_path / "t")
     return encircle.study(tree("moody"), tmp_path / "t")
 
 
 def table_of(study):
     with closing(study.open()) as table:
-        return table.read().to_pandas(), table.failed.copy(), table.whole_seeds
+        return table.read().to_pandas(), table.failed.copy(), table.complete_seeds
 
 
 def test_the_others_go_on_and_the_failed_ones_stand_as_failed(study):
@@ -129,8 +129,8 @@ def test_over_zenoh_the_same_runs_fail_with_the_same_words(study, tmp_path):
     assert failing(frame)
     apart = ["wall_s", "failed"]
     assert frame.drop(columns=apart).equals(memory.drop(columns=apart))
-    words = [[f.split("; traceback")[0] for f in one.failed] for one in (frame, memory)]
-    assert words[0] == words[1]
+    failures = [[f.split("; traceback")[0] for f in one.failed] for one in (frame, memory)]
+    assert failures[0] == failures[1]
 
 
 def test_statistics_are_of_the_seeds_that_failed_nowhere(study, tmp_path):
@@ -139,9 +139,9 @@ def test_statistics_are_of_the_seeds_that_failed_nowhere(study, tmp_path):
         summary = summarise(study.plan, table)
         page = write_report(study.plan, table, study.directory, "again", summary=summary)
         page = page.read_text()
-    kept = frame[frame.seed.isin(whole)]
+    complete = frame[frame.seed.isin(whole)]
     for cell in summary.cells:
-        rows = kept[kept.cell == cell.cell]
+        rows = complete[complete.cell == cell.cell]
         assert cell.runs == len(whole) == len(rows)
         assert cell.means["path_m_mean"].value == pytest.approx(rows.path_m_mean.mean())
     assert summary.captured.shape == (2, len(whole))
@@ -158,7 +158,7 @@ def test_from_python_a_warning_counts_them(study):
     assert failing(frame)
 
 
-def started(tmp_path, *words, **study):
+def started(tmp_path, *failures, **study):
     text = json.dumps(study)
     path = tmp_path / "moods.toml"
     axes = "".join(f"{key} = {json.dumps(study[key])}\n" for key in study if key != "set")
@@ -166,7 +166,7 @@ def started(tmp_path, *words, **study):
     assert text
     path.write_text(f"{axes}[set]\n{sets}")
     command = [sys.executable, "-m", "encircle", "study", str(path), "--out", str(tmp_path / "t")]
-    return completed([*command, *words])
+    return completed([*command, *failures])
 
 
 def test_the_command_says_how_many_failed_and_ends_with_status_1(tmp_path):

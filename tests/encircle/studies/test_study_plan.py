@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from encircle.measures.registry import MEASURES
-from encircle.studies.plan import StudyError, toml
+from encircle.studies.plan import StudyError, toml_text
 from encircle.studies.plan_files import load_plan, shipped_studies
 from encircle.world.loading.load import load
 
@@ -30,11 +30,11 @@ def refusal(**changes):
 
 @pytest.mark.parametrize("name", sorted(shipped_studies()))
 def test_every_shipped_study_can_be_run(name):
-    found = load_plan(name)
-    assert found.name == name
-    assert found.title
-    assert found.question.endswith("?")
-    assert found.runs == len(found.cells) * len(found.seed_list)
+    loaded = load_plan(name)
+    assert loaded.name == name
+    assert loaded.title
+    assert loaded.question.endswith("?")
+    assert loaded.runs == len(loaded.cells) * len(loaded.seed_list)
 
 
 def test_the_shipped_studies_are_those_that_the_readme_names():
@@ -44,20 +44,20 @@ def test_the_shipped_studies_are_those_that_the_readme_names():
 
 
 def test_loss_delay_is_a_grid_from_nothing_to_90_percent_and_a_second():
-    found = load_plan("loss-delay")
-    loss, delay = found.axes
-    assert (len(found.cells), found.runs) == (49, 1960)
+    loaded = load_plan("loss-delay")
+    loss, delay = loaded.axes
+    assert (len(loaded.cells), loaded.runs) == (49, 1960)
     assert (loss.levels[0], loss.levels[-1]) == (0.0, 0.9)
     assert (delay.levels[0], delay.levels[-1]) == (0.0, 1.0)
-    assert max(found.scenario_of(cell).ticks_max for cell in range(49)) <= 300
+    assert max(loaded.scenario_of(cell).ticks_max for cell in range(49)) <= 300
 
 
 def test_cells_are_all_combinations_with_the_last_axis_fastest():
-    found = plan(
+    loaded = plan(
         axes=[LOSS, {"name": "robots_wait", "key": "ticks_max", "values": [5, 6, 7]}],
         strategies=["xi-star", "pursuit"],
     )
-    levels = [tuple(found.levels(cell).values()) for cell in range(len(found.cells))]
+    levels = [tuple(loaded.levels(cell).values()) for cell in range(len(loaded.cells))]
     assert levels == [
         (rate, ticks, strategy)
         for rate in (0.0, 0.5)
@@ -67,11 +67,11 @@ def test_cells_are_all_combinations_with_the_last_axis_fastest():
 
 
 def test_a_cells_scenario_is_the_base_with_its_levels():
-    found = plan(axes=[LOSS], strategies=["xi-0", "xi-3"])
-    wanted = load("sim1", ["channel.loss.model=bernoulli", "channel.loss.rate=0.5"])
-    got = found.scenario_of(3)
+    loaded = plan(axes=[LOSS], strategies=["xi-0", "xi-3"])
+    expected = load("sim1", ["channel.loss.model=bernoulli", "channel.loss.rate=0.5"])
+    got = loaded.scenario_of(3)
     assert got.team.strategy == "xi-3"
-    assert got.model_copy(update={"team": wanted.team}) == wanted
+    assert got.model_copy(update={"team": expected.team}) == expected
 
 
 def test_arms_change_several_keys():
@@ -79,11 +79,11 @@ def test_arms_change_several_keys():
         {"name": "plain", "set": {}},
         {"name": "slow", "set": {"target.step_m_max": 0.1, "team.strategy": "pursuit"}},
     ]
-    found = plan(axes=[{"name": "arm", "arms": arms}])
-    assert [found.levels(k) for k in (0, 1)] == [{"arm": "plain"}, {"arm": "slow"}]
-    assert found.scenario_of(0).target.step_m_max == load("sim1").target.step_m_max
-    assert found.scenario_of(1).target.step_m_max == 0.1
-    assert found.scenario_of(1).team.strategy == "pursuit"
+    loaded = plan(axes=[{"name": "arm", "arms": arms}])
+    assert [loaded.levels(k) for k in (0, 1)] == [{"arm": "plain"}, {"arm": "slow"}]
+    assert loaded.scenario_of(0).target.step_m_max == load("sim1").target.step_m_max
+    assert loaded.scenario_of(1).target.step_m_max == 0.1
+    assert loaded.scenario_of(1).team.strategy == "pursuit"
 
 
 def test_a_range_has_both_its_ends():
@@ -95,8 +95,8 @@ def test_a_range_has_both_its_ends():
 
 
 def test_levels_of_one_axis_have_one_type_in_the_table():
-    found = plan(axes=[{**LOSS, "values": [0, 0.5]}])
-    assert [type(found.levels(k)["loss"]) for k in (0, 1)] == [float, float]
+    loaded = plan(axes=[{**LOSS, "values": [0, 0.5]}])
+    assert [type(loaded.levels(k)["loss"]) for k in (0, 1)] == [float, float]
 
 
 @pytest.mark.parametrize(
@@ -135,14 +135,14 @@ def test_a_base_scenario_may_stand_beside_the_study(tmp_path):
 
 
 def test_a_plan_survives_its_way_to_a_worker():
-    found = load_plan("staleness")
-    again = type(found).model_validate_json(found.model_dump_json())
-    assert again.fingerprint == found.fingerprint
-    assert [again.scenario_of(c) for c in (0, 9)] == [found.scenario_of(c) for c in (0, 9)]
+    loaded = load_plan("staleness")
+    again = type(loaded).model_validate_json(loaded.model_dump_json())
+    assert again.fingerprint == loaded.fingerprint
+    assert [again.scenario_of(c) for c in (0, 9)] == [loaded.scenario_of(c) for c in (0, 9)]
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"axis": []}, "axis = []: unknown key"),
         ({"axes": [{**LOSS, "keys": 1}]}, "axes.0.keys = 1: unknown key"),
@@ -170,8 +170,8 @@ def test_a_plan_survives_its_way_to_a_worker():
         ({"tolerated_rate": 1.0}, "tolerated_rate = 1.0"),
     ],
 )
-def test_what_cannot_be_run_is_refused_with_its_key_and_value(changes, said):
-    assert said in refusal(**changes)
+def test_what_cannot_be_run_is_refused_with_its_key_and_value(changes, message):
+    assert message in refusal(**changes)
 
 
 def test_problems_are_listed_all_at_once():
@@ -204,7 +204,7 @@ def test_files_that_are_no_studies(tmp_path):
 def test_values_in_toml_are_read_back(value):
     import tomllib
 
-    assert tomllib.loads(f"value = {toml(value)}")["value"] == value
+    assert tomllib.loads(f"value = {toml_text(value)}")["value"] == value
 
 
 def test_shipped_files_are_found_as_files():

@@ -1,4 +1,4 @@
-"""The report of a study: its HTML, its numbers against the table's, hostile names, edge cases."""
+"""The report of a study: its HTML, its numbers against the table, hostile names, edge cases."""
 
 import base64
 import csv
@@ -24,9 +24,9 @@ from scipy import stats
 
 from encircle.studies.charts.charts import Chart
 from encircle.studies.report import report
-from encircle.studies.report.claims import settings_text, summary_sentences, verdict_text
 from encircle.studies.report.report import write_report
-from encircle.studies.report.setup_text import seeds_text, set_up
+from encircle.studies.report.sentences import settings_text, summary_sentences, verdict_text
+from encircle.studies.report.setup_text import seeds_text, setup_rows
 from encircle.studies.summary import summarise
 
 STRATEGIES = ["xi-star", "xi-0"]
@@ -39,7 +39,7 @@ PIXEL = base64.b64decode(
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Draw no figures, as most of what is tested is beside them: a pixel stands for one."""
+    """Replace figures by a single pixel, because most tests here do not look at them."""
 
     def write(_summary, directory):
         path = directory / "pixel.png"
@@ -60,10 +60,10 @@ def written(directory, truth=loss_only, date="", **changes):
 
 @pytest.fixture(scope="module")
 def lines(tmp_path_factory):
-    """A study of packet loss and two strategies: its directory, and what ``written`` returns."""
+    """Directory of a study of packet loss and two strategies, and what ``written`` returns."""
     directory = tmp_path_factory.mktemp("lines") / "t"
-    told = {"title": "On loss", "question": "How much loss?", "tolerated_rate": 0.6}
-    return directory, *written(directory, **told, **LINES)
+    expected = {"title": "On loss", "question": "How much loss?", "tolerated_rate": 0.6}
+    return directory, *written(directory, **expected, **LINES)
 
 
 def test_the_page_is_well_formed_and_needs_nothing_else(lines):
@@ -108,8 +108,12 @@ def test_findings_question_and_command_stand_on_the_page(lines):
     assert overall.endswith(settings_text(summary.plan, summary.comparisons))
     assert settings_text(summary.plan, summary.comparisons) in page.words["p"]
     assert COMMAND in page.words["pre"]
-    told = "5 comparisons and 1 averaged over settings, each of capture rate, order and mean time,"
-    assert any(f"{told} are 18 tests: their p are corrected" in text for text in page.words["p"])
+    expected = (
+        "5 comparisons and 1 averaged over settings, each of capture rate, order and mean time,"
+    )
+    assert any(
+        f"{expected} are 18 tests: their p are corrected" in text for text in page.words["p"]
+    )
     plan = summary.plan
     assert ["Fingerprint of the configuration", plan.fingerprint] in page.table("What was run")
     assert ["Digest of the code", "c0de"] in page.table("What was run")
@@ -148,7 +152,7 @@ def test_many_findings_are_folded_but_all_there(tmp_path, quick):
     page, summary, _rows = written(tmp_path / "t", **tree)
     assert page.words["h3"] == [f"a{k} against a0" for k in range(1, 12)]
     assert "3 more comparisons" in page.words["summary"]
-    # The range, what is tolerated along the one axis, and the comparisons.
+    # The range of rates, the tolerated levels along the only axis, and the comparisons.
     assert len(summary_sentences(summary)) == 1 + 1 + 11
     long = {**LOSS, "values": [0.01 * k for k in range(17)]}
     tree = {"axes": [long], "strategies": STRATEGIES, "seeds": 2}
@@ -164,7 +168,7 @@ def test_there_is_no_effect_size_where_all_runs_of_an_arm_are_censored(tmp_path,
     page, summary, _rows = written(tmp_path / "t", truth, strategies=STRATEGIES, seeds=12)
     (one,) = summary.comparisons
     assert one.time_s.mean.value > 0.0
-    assert np.isnan(one.time_s.effect.value)
+    assert np.isnan(one.time_s.effect_size.value)
     assert not any("d_z" in sentence for sentence in summary_sentences(summary))
     head, line = page.table("Comparisons")
     assert line[head.index("d_z")] == "\N{EN DASH}"
@@ -195,18 +199,18 @@ def test_comparisons_have_the_tables_numbers(lines):
     _directory, page, summary, rows = lines
     head, *body = page.table("Comparisons with strategy xi-star, which is subtracted, on 12")
     assert head[:2] == ["strategy", "packet loss (%)"]
-    for place, line in enumerate(body):
+    for index, line in enumerate(body):
         base, other = (
-            rows[rows["cell"] == 2 * place + k].sort_values("seed").reset_index() for k in (0, 1)
+            rows[rows["cell"] == 2 * index + k].sort_values("seed").reset_index() for k in (0, 1)
         )
-        assert line[:2] == ["xi-0", f"{20 * place}"]
+        assert line[:2] == ["xi-0", f"{20 * index}"]
         change = 100 * (other["captured"] - base["captured"]).mean()
         assert float(line[2].split(" ")[0]) == pytest.approx(change, abs=0.05 + 1e-9)
         won = int((other["captured"] > base["captured"]).sum())
         lost = int((other["captured"] < base["captured"]).sum())
         assert line[3] == f"{won} / {lost}"
         p = stats.binomtest(won, won + lost).pvalue if won + lost else 1.0
-        assert line[5] == f"{summary.comparisons[place].rate.p_corrected:.3f} ({p:.3f})"
+        assert line[5] == f"{summary.comparisons[index].rate.p_corrected:.3f} ({p:.3f})"
         late, base_late = (x["ticks"] + 1000 * (1 - x["captured"]) for x in (other, base))
         assert line[6] == f"{(late > base_late).sum()} / {(late < base_late).sum()}"
         seconds = 0.1 * (other["ticks"] - base["ticks"])
@@ -225,7 +229,7 @@ def test_tolerances_are_in_the_unit_of_the_axis(lines):
     assert [line[:2] for line in body] == [
         ["packet loss (%)", f"strategy {name}"] for name in STRATEGIES
     ]
-    for line, one in zip(body, summary.tolerated, strict=True):
+    for line, one in zip(body, summary.tolerances, strict=True):
         if one.level.value < 0.8:
             assert float(line[2]) == pytest.approx(100 * one.level.value, rel=5e-3)
         assert line[3].startswith("[")
@@ -303,8 +307,8 @@ def test_alike_ends_give_a_whole_report(tmp_path, quick, truth):
 
 
 def test_long_tables_are_cut_and_say_so(tmp_path, quick, monkeypatch):
-    monkeypatch.setattr("encircle.studies.report.tables.ROWS_MAX", 3)
-    monkeypatch.setattr("encircle.studies.report.tables.MEASURED_ROWS_MAX", 2)
+    monkeypatch.setattr("encircle.studies.report.result_tables.ROWS_MAX", 3)
+    monkeypatch.setattr("encircle.studies.report.result_tables.MEASURED_ROWS_MAX", 2)
     page, _summary, _rows = written(tmp_path / "t", **LINES)
     assert len(page.table("Cells")) == 4
     assert any(c.endswith("; the first 3 of 10, all in summary.csv") for c in page.words["caption"])
@@ -313,12 +317,14 @@ def test_long_tables_are_cut_and_say_so(tmp_path, quick, monkeypatch):
 
 def test_the_set_up_is_told_in_words_and_in_full(lines):
     _directory, page, summary, _rows = lines
-    told = {line[0]: line[1] for line in page.table("The scenario, all axes at their first level")}
-    assert told["Robots' bodies"] == "radius 0.5 m; at most 0.3 m per tick (3 m/s); holonomic"
-    assert told["Strategy"] == "xi-star [varied: strategy]"
-    assert told["Radio"] == "loss bernoulli; no delay [varied: packet loss]"
-    assert told["Time"] == "ticks of 0.1 s, at most 300 ticks (30 s)"
-    assert told["Seeds"] == "12, from 1 to 12, the same in every cell"
+    expected = {
+        line[0]: line[1] for line in page.table("The scenario, all axes at their first level")
+    }
+    assert expected["Robots' bodies"] == "radius 0.5 m; at most 0.3 m per tick (3 m/s); holonomic"
+    assert expected["Strategy"] == "xi-star [varied: strategy]"
+    assert expected["Radio"] == "loss bernoulli; no delay [varied: packet loss]"
+    assert expected["Time"] == "ticks of 0.1 s, at most 300 ticks (30 s)"
+    assert expected["Seeds"] == "12, from 1 to 12, the same in every cell"
     assert page.table("What is varied")[1:] == [
         ["packet loss (%)", "channel.loss.rate", "0, 20, 40, 60, 80"],
         ["strategy", "team.strategy", "xi-star, xi-0"],
@@ -340,11 +346,11 @@ def test_the_set_up_tells_of_any_radio_and_event():
             "robot.publish_every_ticks": 2,
         },
     )
-    told = dict(set_up(plan))
-    assert told["Radio"] == "loss gilbert-elliott, good_to_bad = 0.25; no delay; order kept"
-    assert told["Events"] == "silence, tick = 3, ticks = 4, robot = r1"
-    assert "unicycle, turning by at most 0.524 rad per tick" in told["Robots' bodies"]
-    assert told["Robots' parameters"] == "publish_every_ticks = 2"
+    expected = dict(setup_rows(plan))
+    assert expected["Radio"] == "loss gilbert-elliott, good_to_bad = 0.25; no delay; order kept"
+    assert expected["Events"] == "silence, tick = 3, ticks = 4, robot = r1"
+    assert "unicycle, turning by at most 0.524 rad per tick" in expected["Robots' bodies"]
+    assert expected["Robots' parameters"] == "publish_every_ticks = 2"
 
 
 def test_arms_tell_what_they_set():

@@ -1,4 +1,4 @@
-"""Studies that really run: every way of running gives the same table, and no end loses a run."""
+"""Studies that are executed: every way gives the same table, and no interruption loses a run."""
 
 import json
 import os
@@ -20,7 +20,7 @@ LONG_TICKS = 60
 
 
 def tree(ticks=12, seeds=3, rates=(0.0, 0.6)):
-    """Few runs of so many ticks: the target stays out of reach."""
+    """A study of few runs with a given number of ticks; the target stays out of reach."""
     return {
         "name": "tested",
         "scenario": "sim1",
@@ -38,7 +38,7 @@ def tree(ticks=12, seeds=3, rates=(0.0, 0.6)):
 
 
 def rows(study, **how):
-    """What came of it, but for the time it took."""
+    """The results of the runs, without their duration."""
     study.run(**how)
     return study.table().drop(columns=["wall_s"])
 
@@ -67,7 +67,7 @@ def written(tmp_path):
 
 @pytest.fixture(scope="module")
 def unbroken(tmp_path_factory):
-    """What comes of it if it is never interrupted."""
+    """The results of the same study if it is never interrupted."""
     path = tmp_path_factory.mktemp("unbroken") / "long.toml"
     path.write_text(LONG_STUDY)
     return rows(encircle.study(path, path.with_name("out")))
@@ -89,14 +89,14 @@ def finished(process):
 
 
 def children(pid):
-    found = []
+    results = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             if int(path.read_text().rsplit(")", 1)[1].split()[1]) == pid:
-                found.append(int(path.parent.name))
+                results.append(int(path.parent.name))
         except (OSError, IndexError):
             continue
-    return found
+    return results
 
 
 def gone(pids):
@@ -108,7 +108,7 @@ def parts(out):
 
 
 def check_whole(path, out, unbroken):
-    """The rest is run, every run is there once, and all are as in a study never interrupted."""
+    """Complete the study; every run must be there once, as in a study without interruption."""
     assert rows(encircle.study(path, out)).equals(unbroken)
 
 
@@ -144,10 +144,10 @@ def test_robot_processes_over_zenoh_give_the_same_table(tmp_path, reference):
 
 def test_what_is_there_is_not_run_again(tmp_path):
     first = encircle.study(tree(seeds=2), tmp_path / "t")
-    told = []
-    assert first.run(progress=lambda done, runs: told.append((done, runs))) == 8
-    assert told[0] == (0, 8)
-    assert told[-1] == (8, 8)
+    progress_calls = []
+    assert first.run(progress=lambda done, runs: progress_calls.append((done, runs))) == 8
+    assert progress_calls[0] == (0, 8)
+    assert progress_calls[-1] == (8, 8)
     assert first.run() == 0
     assert encircle.study(tree(seeds=3), tmp_path / "t").run() == 4
 
@@ -175,15 +175,15 @@ def test_ctrl_c_ends_it_with_a_line_and_keeps_what_is_done(written, unbroken):
     process = started(path, out, "--workers", "1")
     until(lambda: parts(out), "the first runs")
     workers_of_it = children(process.pid)
-    # So that the study does not come to its end first, however late this process has its turn.
+    # The study must not end before this process continues, however late that is.
     for worker in workers_of_it:
         os.kill(worker, signal.SIGSTOP)
     process.send_signal(signal.SIGINT)
     for worker in workers_of_it:
         os.kill(worker, signal.SIGCONT)
-    status, said, error = finished(process)
+    status, message, error = finished(process)
     assert status == 1
-    assert said == ""
+    assert message == ""
     assert "the study stopped: stopped by SIGINT" in error
     assert "the same command goes on from here" in error.replace("\n", " ")
     assert "Traceback" not in error
@@ -211,17 +211,17 @@ def test_a_worker_that_dies_ends_it_with_a_line(written, unbroken):
 def test_robots_are_kept_from_run_to_run_and_ended(tmp_path, monkeypatch):
     from encircle.studies import session
 
-    kept = []
+    saved = []
     end = session.Session.__exit__
 
     def noted(self, *error):
-        kept.append({name: p.pid for name, p in self._processes.items()})
+        saved.append({name: p.pid for name, p in self._processes.items()})
         end(self, *error)
 
     monkeypatch.setattr(session.Session, "__exit__", noted)
     assert encircle.study(tree(ticks=5), tmp_path / "t").run(link="zenoh") == 12
-    assert [sorted(pids) for pids in kept] == [["r1", "r2", "r3", "r4"]]
-    assert gone(kept[0].values())
+    assert [sorted(pids) for pids in saved] == [["r1", "r2", "r3", "r4"]]
+    assert gone(saved[0].values())
 
 
 def test_teams_of_several_sizes_share_the_robot_processes(tmp_path):
@@ -285,7 +285,7 @@ def test_an_observation_that_is_lost_is_asked_again(monkeypatch):
 
 
 class Cluster:
-    """A dask scheduler and workers of our own, on loopback."""
+    """A dask scheduler and workers of the test's own, on loopback."""
 
     def __init__(self, scratch):
         self.scratch = scratch
@@ -319,9 +319,9 @@ class Cluster:
 def cluster(tmp_path, monkeypatch):
     monkeypatch.setattr(workers, "CONNECT_S_MAX", LONGEST_S)
     monkeypatch.setattr(workers, "WORKERLESS_S_MAX", LONGEST_S)
-    found = Cluster(tmp_path / "dask")
-    yield found
-    found.end()
+    results = Cluster(tmp_path / "dask")
+    yield results
+    results.end()
 
 
 def test_a_cluster_gives_the_same_table_though_a_worker_is_killed(
@@ -364,20 +364,20 @@ def test_a_worker_with_other_code_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["nothing"], "study 'nothing' is neither a file nor one of"),
         (["loss", "--set", "channel.los.rate=1"], "channel.los = {'rate': 1}: unknown key"),
         (["loss", "--link", "telepathy"], "'telepathy' is not one of zenoh, memory"),
-        (["loss", "--seeds", "0"], "Invalid value for '--seeds'"),
+        (["loss", "--seeds", "0"], "argument --seeds: '0' is not a whole number of at least 1"),
         (["loss", "--cluster", "x", "--link", "zenoh"], "goes neither with --link zenoh"),
     ],
 )
-def test_bad_usage_is_one_clear_error_and_writes_nothing(tmp_path, words, said):
+def test_bad_usage_is_one_clear_error_and_writes_nothing(tmp_path, words, message):
     out = tmp_path / "t"
     status, printed, error = finished(started(words[0], out, *words[1:]))
     assert status == 2
     assert printed == ""
-    assert said in " ".join(error.replace("│", " ").split())
+    assert message in " ".join(error.replace("│", " ").split())
     assert "Traceback" not in error
     assert not out.exists()

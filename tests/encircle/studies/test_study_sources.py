@@ -1,4 +1,4 @@
-"""The digest of a study's code: whatever is edited shows, wherever it lies; nothing else does."""
+"""The digest of a study's code: every edit of code that runs changes it, and nothing else does."""
 
 import shutil
 import subprocess
@@ -13,7 +13,7 @@ from encircle.protocol.plugins import STRATEGIES, TARGETS
 from encircle.studies import sources
 from encircle.studies import tasks as work
 from encircle.studies.plan import StudyError
-from encircle.studies.workers import StudyFailed, _checked
+from encircle.studies.workers import StudyFailed, _checked_rows
 
 CHASE = ((STRATEGIES, "chase"),)
 MODULE = "from helper_of_chase.deep import gain\n" + plugins.STRATEGY
@@ -35,9 +35,9 @@ def installed_in(folder, monkeypatch, files=FILES, value="chasers:chase", versio
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    found = installed_in(tmp_path / "here", monkeypatch)
-    yield found
-    plugins.forget(found)
+    result = installed_in(tmp_path / "here", monkeypatch)
+    yield result
+    plugins.forget(result)
 
 
 @pytest.mark.parametrize("name", [name for name in FILES if "unrelated" not in name])
@@ -110,8 +110,8 @@ def test_other_installed_packages_go_by_their_versions(folder):
     (folder / "chasers.py").write_text(
         "import rich.table\nimport os\nimport encircle.agents\n" + MODULE
     )
-    found = sources.versions(CHASE)
-    assert found["rich"]
+    result = sources.versions(CHASE)
+    assert result["rich"]
     assert not any(
         name.startswith(("rich/", "os", "encircle")) for name in sources._found(CHASE).files
     )
@@ -136,8 +136,8 @@ def test_our_own_sources_count_however_deep_they_lie(tmp_path, monkeypatch):
     before = sources.code()
     package = tmp_path / "world"
     shutil.copytree(Path(sys.modules["encircle.world"].__file__).parent, package)
-    found = dict(sources._own_files())
-    assert "encircle.world/arena/engine.py" in found
+    result = dict(sources._own_files())
+    assert "encircle.world/arena/engine.py" in result
     monkeypatch.setattr(sources, "find_spec", _found_in(package, sources.find_spec))
     assert sources.code() == before
     (package / "channel_rooms" / "deep").mkdir(parents=True)
@@ -151,18 +151,18 @@ def test_our_own_sources_count_however_deep_they_lie(tmp_path, monkeypatch):
 def _found_in(package, find_spec):
     from importlib.machinery import ModuleSpec
 
-    def found(name):
+    def result(name):
         if name != f"encircle.{package.name}":
             return find_spec(name)
         spec = ModuleSpec(name, None, is_package=True)
         spec.submodule_search_locations = [str(package)]
         return spec
 
-    return found
+    return result
 
 
 def test_everything_that_a_run_of_a_study_imports_of_ours_counts():
-    """What is imported is found out by importing it, in a process of its own."""
+    """A process of its own imports the study's code and lists the imported modules."""
     lines = (
         "import sys, encircle; before = {*sys.modules}",
         "import encircle.studies.tasks, encircle.runlog.recorded_log",
@@ -174,7 +174,7 @@ def test_everything_that_a_run_of_a_study_imports_of_ours_counts():
     )
     files = (name.removesuffix(".py").removesuffix("/__init__") for name in sources._own_files())
     counted = {name.replace("/", ".") for name in files}
-    # Reading recordings and digesting sources are no part of a run.
+    # A run neither reads recordings nor computes digests of sources.
     left_out = {"encircle.studies", "encircle.studies.sources", "encircle.replay.replaying"}
     assert {*process.stdout.split()} - counted - left_out == set()
 
@@ -190,12 +190,12 @@ def test_a_study_does_not_mix_rows_of_an_edited_plug_in(folder, tmp_path):
     study = encircle.study(tree, tmp_path / "t")
     assert study.run(workers=1) == 1
     assert study.run(workers=1) == 0
-    kept = (tmp_path / "t" / "table.parquet").read_bytes()
+    table_bytes = (tmp_path / "t" / "table.parquet").read_bytes()
     helper = folder / "helper_of_chase" / "deep" / "__init__.py"
     helper.write_text("gain = 1.5\n")
     with pytest.raises(StudyError, match=r"holds runs of code .* choose another --out"):
         study.run(workers=1)
-    assert (tmp_path / "t" / "table.parquet").read_bytes() == kept
+    assert (tmp_path / "t" / "table.parquet").read_bytes() == table_bytes
     helper.write_text("gain = 1.0\n")
     assert study.run(workers=1) == 0
 
@@ -203,7 +203,7 @@ def test_a_study_does_not_mix_rows_of_an_edited_plug_in(folder, tmp_path):
 def test_a_worker_tells_what_it_has_imported_though_the_file_is_another_now(folder):
     study = encircle.study({"scenario": "sim1", "strategies": ["chase"], "set": {"ticks_max": 2}})
     plan = study.plan
-    work.own_code.cache_clear()
+    work.code_and_versions.cache_clear()
     task = work.Task(
         0,
         plan.levels(0),
@@ -218,8 +218,8 @@ def test_a_worker_tells_what_it_has_imported_though_the_file_is_another_now(fold
     again, _ = work.run_task(task)
     assert again == first != sources.code(CHASE)
     with pytest.raises(StudyFailed, match=f"runs code {first}"):
-        _checked((again, rows), sources.code(CHASE))
-    work.own_code.cache_clear()
+        _checked_rows((again, rows), sources.code(CHASE))
+    work.code_and_versions.cache_clear()
 
 
 def test_a_target_of_another_package_counts_too(tmp_path, monkeypatch):

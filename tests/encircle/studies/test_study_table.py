@@ -5,7 +5,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from encircle.studies import table as tables
+from encircle.studies import study_table
 from encircle.studies.plan import StudyError
 from encircle.studies.plan_files import load_plan
 
@@ -27,7 +27,7 @@ def _close_tables():
 
 
 def StudyTable(*arguments):
-    _opened.append(tables.StudyTable(*arguments))
+    _opened.append(study_table.StudyTable(*arguments))
     return _opened[-1]
 
 
@@ -97,7 +97,7 @@ def test_a_merge_that_was_cut_off_repeats_nothing(tmp_path):
     parts = tmp_path / "kept"
     shutil.copytree(tmp_path / "t" / "parts", parts)
     table.merge()
-    # As if the program had ended between the renaming and the deleting.
+    # The state after a program that ended between renaming and deleting.
     shutil.rmtree(tmp_path / "t" / "parts")
     parts.rename(tmp_path / "t" / "parts")
     table.close()
@@ -134,7 +134,7 @@ def test_more_seeds_can_be_added_and_fewer_asked_for(tmp_path):
 
 
 def test_many_parts_are_merged_on_the_way(tmp_path, monkeypatch):
-    monkeypatch.setattr(tables, "PARTS_MAX", 3)
+    monkeypatch.setattr(study_table, "PARTS_MAX", 3)
     table = filled(tmp_path / "t", ALL)
     assert len(list((tmp_path / "t" / "parts").glob("*.parquet"))) < 3
     assert pairs_in(table) == ALL
@@ -143,24 +143,26 @@ def test_many_parts_are_merged_on_the_way(tmp_path, monkeypatch):
 def test_merging_in_pieces_gives_the_same_table(tmp_path, monkeypatch):
     whole = filled(tmp_path / "whole", ALL)
     whole.merge()
-    monkeypatch.setattr(tables, "MERGED_ROWS", 1)
+    monkeypatch.setattr(study_table, "MERGED_ROWS", 1)
     pieces = filled(tmp_path / "pieces", reversed(ALL))
     pieces.merge()
     assert pieces.read().equals(whole.read())
 
 
 @pytest.mark.parametrize(
-    ("changes", "code", "said"),
+    ("changes", "code", "message"),
     [
         ({"name": "other"}, CODE, "holds runs of study 'tested', this is 'other'"),
         ({"scenario": "sim3"}, CODE, "holds runs of configuration"),
         ({}, {"code": "new"}, "holds runs of code 'c0de', this is 'new'"),
     ],
 )
-def test_a_table_of_another_study_configuration_or_code_is_refused(tmp_path, changes, code, said):
+def test_a_table_of_another_study_configuration_or_code_is_refused(
+    tmp_path, changes, code, message
+):
     filled(tmp_path / "t", ALL[:2]).close()
     before = contents(tmp_path / "t")
-    with pytest.raises(StudyError, match=said) as caught:
+    with pytest.raises(StudyError, match=message) as caught:
         StudyTable(tmp_path / "t", plan(**changes), code)
     assert "choose another --out; nothing was changed" in str(caught.value)
     assert contents(tmp_path / "t") == before
@@ -212,10 +214,10 @@ def test_only_one_process_at_a_time(tmp_path):
 
 def test_the_directory_tells_what_it_holds(tmp_path):
     filled(tmp_path / "t", ALL).close()
-    said = json.loads((tmp_path / "t" / "study.json").read_text())
-    assert (said["study"], said["code"]) == ("tested", "c0de")
-    assert said["fingerprint"] == plan().fingerprint
-    assert said["plan"]["axes"][0]["values"] == [5, 6]
+    message = json.loads((tmp_path / "t" / "study.json").read_text())
+    assert (message["study"], message["code"]) == ("tested", "c0de")
+    assert message["fingerprint"] == plan().fingerprint
+    assert message["plan"]["axes"][0]["values"] == [5, 6]
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):

@@ -16,7 +16,7 @@ import encircle
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.process.real_time import answer
 from encircle.agents.process.robot_runs import RobotRuns
-from encircle.network.transport import ledger_of
+from encircle.network.recorded_ledger import ledger_of
 from encircle.protocol import mailbox
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.connections import MemoryHub

@@ -1,10 +1,10 @@
-"""The table of a study: one row per run, in Parquet files that only ever grow.
+"""The table of a study: one row per run, in Parquet files.
 
-A batch of finished runs becomes one small file under ``parts``, written aside and renamed, so that
-whatever ends the program leaves whole files; when the study is complete, and when there are many of
-them, the parts are merged into ``table.parquet``, sorted by cell and seed, a bounded number of rows
-at a time. ``study.json`` says whose table it is: which study, configuration and code. A directory
-that belongs to another is refused, and nothing in it is touched.
+A batch of finished runs becomes one small file under ``parts``. Every file is written under another
+name and then renamed, so that only whole files exist, however the program ends. When the study is
+complete, or when there are many parts, they are merged into ``table.parquet``, sorted by cell and
+seed, a bounded number of rows at a time. ``study.json`` says to which study, configuration and code
+the table belongs. A directory that belongs to another study is refused and left unchanged.
 """
 
 import fcntl
@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from encircle.studies.plan import Plan, StudyError
 from encircle.studies.tasks import FAILED
 
-TABLE, PARTS, OWNER, LOCK = "table.parquet", "parts", "study.json", "lock"
-KEYS = ("cell", "seed", FAILED)
+TABLE_FILE, PARTS_DIRECTORY, OWNER_FILE, LOCK_FILE = "table.parquet", "parts", "study.json", "lock"
+KEY_COLUMNS = ("cell", "seed", FAILED)
 PARTS_MAX = 512
 MERGED_ROWS = 20_000
 
@@ -33,9 +33,9 @@ MERGED_ROWS = 20_000
 class StudyTable:
     """The table in a directory, locked for this process until ``close``.
 
-    ``done``: (C, S) whether it has the run of a cell with the seed at a place; ``failed``: whether
-    it has only that such a run failed, which is then to be tried again.
-    Raises ``StudyError`` for a directory that is not ours to write in, and for damaged files.
+    ``done``: (C, S) whether the table has the run of a cell with a seed. ``failed``: (C, S)
+    whether it has only a failed run of them, which is then run again. Raises ``StudyError`` if
+    the directory belongs to another study, cannot be written, or has damaged files.
     """
 
     def __init__(self, directory: Path, plan: Plan, code: Mapping[str, str]) -> None:
@@ -51,11 +51,11 @@ class StudyTable:
         if existing is not None:
             self._refuse_foreign(existing)
         try:
-            (directory / PARTS).mkdir(parents=True, exist_ok=True)
-            self._lock = _locked(directory / LOCK)
+            (directory / PARTS_DIRECTORY).mkdir(parents=True, exist_ok=True)
+            self._lock = _lock_file(directory / LOCK_FILE)
             if existing is None:
                 tree = {**self.owner, "plan": plan.model_dump(mode="json")}
-                _written(directory / OWNER, json.dumps(tree, indent=2).encode() + b"\n")
+                _write_file(directory / OWNER_FILE, json.dumps(tree, indent=2).encode() + b"\n")
         except OSError as error:
             raise StudyError(f"{directory} cannot be used: {error.strerror or error}") from None
         try:
@@ -68,14 +68,14 @@ class StudyTable:
         self._numbers = [int(path.stem) for path in self._parts()]
 
     def close(self) -> None:
-        """Let others use the table. May be called twice."""
+        """Release the lock. May be called twice."""
         self._lock.close()
 
     def append(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Add finished runs; they are on disk when this returns."""
         number = max(self._numbers, default=0) + 1
         table = pa.Table.from_pylist(list(rows), schema=self._schema(rows[0]))
-        _write_table(self.directory / PARTS / f"{number:08}.parquet", [table])
+        _write_table(self.directory / PARTS_DIRECTORY / f"{number:08}.parquet", [table])
         self._numbers.append(number)
         for row in rows:
             seed_index = self._seed_index[row["seed"]]
@@ -88,7 +88,7 @@ class StudyTable:
             self.merge()
 
     def merge(self) -> None:
-        """Put everything into one file, sorted; what was there is replaced only by the whole."""
+        """Merge all files into one, sorted; the old files stay until the new one is complete."""
         parts = self._parts()
         if not parts:
             return
@@ -96,41 +96,42 @@ class StudyTable:
         per_cell = max(1, self._plan.runs // len(self._plan.cells))
         step = max(1, MERGED_ROWS // per_cell)
         pieces = (
-            _sorted(source, cell, cell + step) for cell in range(0, len(self._plan.cells), step)
+            _sorted_rows(source, cell, cell + step)
+            for cell in range(0, len(self._plan.cells), step)
         )
-        _write_table(self.directory / TABLE, pieces)
+        _write_table(self.directory / TABLE_FILE, pieces)
         for path in parts:
             path.unlink()
         self._numbers = []
 
     def read(self, columns: Sequence[str] | None = None, cells: slice | None = None) -> pa.Table:
-        """The rows of some cells (all by default) sorted by cell and seed, each run once."""
+        """The rows of some cells (all by default), sorted by cell and seed, each run once."""
         span = cells or slice(0, len(self._plan.cells))
-        rows = _sorted(self._dataset(), span.start, span.stop, columns)
-        # An earlier call may have asked for more seeds than this one.
+        rows = _sorted_rows(self._dataset(), span.start, span.stop, columns)
+        # The table may hold more seeds, from an earlier call.
         return rows.filter(pc.is_in(rows["seed"], pa.array(self._plan.seed_list)))
 
     @property
-    def whole_seeds(self) -> list[int]:
-        """The seeds of which every cell's run is there: those that can be compared in pairs."""
+    def complete_seeds(self) -> list[int]:
+        """The seeds whose run is there in every cell, which can be compared in pairs."""
         return [self._plan.seed_list[k] for k in np.flatnonzero(self.done.all(axis=0))]
 
     def failures(self, rows_max: int) -> list[dict[str, Any]]:
-        """The first rows of runs that failed, as many at most."""
+        """The first ``rows_max`` rows of failed runs."""
         names = ["cell", "seed", *(axis.name for axis in self._plan.all_axes), FAILED]
-        found: list[dict[str, Any]] = []
+        failed_rows: list[dict[str, Any]] = []
         for cell in np.flatnonzero(self.failed.any(axis=1)).tolist():
             rows = self.read(names, slice(cell, cell + 1))
-            found += rows.filter(pc.not_equal(rows[FAILED], "")).to_pylist()
-            if len(found) >= rows_max:
+            failed_rows += rows.filter(pc.not_equal(rows[FAILED], "")).to_pylist()
+            if len(failed_rows) >= rows_max:
                 break
-        return found[:rows_max]
+        return failed_rows[:rows_max]
 
     def _parts(self) -> list[Path]:
-        return sorted((self.directory / PARTS).glob("*.parquet"))
+        return sorted((self.directory / PARTS_DIRECTORY).glob("*.parquet"))
 
     def _dataset(self) -> ds.Dataset:
-        whole = self.directory / TABLE
+        whole = self.directory / TABLE_FILE
         files = [*([whole] if whole.exists() else []), *self._parts()]
         return ds.dataset([str(path) for path in files], format="parquet")
 
@@ -141,10 +142,10 @@ class StudyTable:
 
     def _read_done(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         done, failed = np.zeros((2, len(self._plan.cells), len(self._plan.seed_list)), bool)
-        whole = self.directory / TABLE
+        whole = self.directory / TABLE_FILE
         for path in [*([whole] if whole.exists() else []), *self._parts()]:
             rows = self._read_keys(path)
-            columns = (rows[name].to_pylist() for name in KEYS)
+            columns = (rows[name].to_pylist() for name in KEY_COLUMNS)
             for cell, seed, failure in zip(*columns, strict=True):
                 seed_index = self._seed_index.get(seed)
                 if seed_index is not None and 0 <= cell < len(done):
@@ -157,7 +158,7 @@ class StudyTable:
                 claimed = {
                     k.decode(): v.decode() for k, v in (file.schema_arrow.metadata or {}).items()
                 }
-                rows = file.read(columns=list(KEYS))
+                rows = file.read(columns=list(KEY_COLUMNS))
         except (pa.ArrowException, OSError, KeyError) as error:
             line = (str(error).splitlines() or [type(error).__name__])[0]
             raise StudyError(
@@ -168,34 +169,34 @@ class StudyTable:
         return rows
 
     def _refuse_foreign(self, claimed: Mapping[str, Any], path: Path | None = None) -> None:
-        for key, wanted in self.owner.items():
-            if str(claimed.get(key)) != str(wanted):
+        for key, expected in self.owner.items():
+            if str(claimed.get(key)) != str(expected):
                 what = {"fingerprint": "configuration"}.get(key, key)
                 raise StudyError(
                     f"{path or self.directory} holds runs of {what} {claimed.get(key)!r}, this is"
-                    f" {wanted!r}: choose another --out; nothing was changed"
+                    f" {expected!r}: choose another --out; nothing was changed"
                 )
 
 
 def _owner_of(directory: Path) -> dict[str, Any] | None:
-    """What a directory says it belongs to; None if it is new or empty."""
+    """The study, configuration and code that a directory belongs to; None if it is new or empty."""
     try:
         if not directory.exists() or not any(directory.iterdir()):
             return None
-        tree = json.loads((directory / OWNER).read_text(encoding="utf-8"))
+        tree = json.loads((directory / OWNER_FILE).read_text(encoding="utf-8"))
         return {key: value for key, value in tree.items() if key != "plan"}
     except FileNotFoundError:
         raise StudyError(
             f"{directory} is not empty and not a study's: choose another --out; nothing was changed"
         ) from None
     except (ValueError, AttributeError):
-        raise StudyError(f"{directory / OWNER} is damaged; nothing was changed") from None
+        raise StudyError(f"{directory / OWNER_FILE} is damaged; nothing was changed") from None
     except OSError as error:
         raise StudyError(f"{directory} cannot be used: {error.strerror}") from None
 
 
-def _locked(path: Path) -> TextIO:
-    """The lock file, held until it is closed or the process ends."""
+def _lock_file(path: Path) -> TextIO:
+    """The lock file, locked until it is closed or the process ends."""
     file = open(path, "a", encoding="utf-8")  # noqa: SIM115  # held, not used
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -205,14 +206,16 @@ def _locked(path: Path) -> TextIO:
     return file
 
 
-def _sorted(
+def _sorted_rows(
     source: ds.Dataset, first: int, after: int, columns: Sequence[str] | None = None
 ) -> pa.Table:
-    wanted = None if columns is None else list(dict.fromkeys([*KEYS, *columns]))
+    names = None if columns is None else list(dict.fromkeys([*KEY_COLUMNS, *columns]))
     chosen = (ds.field("cell") >= first) & (ds.field("cell") < after)
-    # Of a run that failed and was tried again, the one that did not fail comes first.
-    rows = source.to_table(columns=wanted, filter=chosen).sort_by([(k, "ascending") for k in KEYS])
-    # A merge that was cut off leaves parts that the table has already.
+    # If a run failed and was repeated, the row without a failure comes first.
+    rows = source.to_table(columns=names, filter=chosen).sort_by(
+        [(k, "ascending") for k in KEY_COLUMNS]
+    )
+    # An interrupted merge leaves parts whose rows are in the merged table too.
     cells, seeds = rows["cell"].to_numpy(), rows["seed"].to_numpy()
     first_of = np.ones(len(cells), bool)
     first_of[1:] = (cells[1:] != cells[:-1]) | (seeds[1:] != seeds[:-1])
@@ -220,7 +223,7 @@ def _sorted(
 
 
 def _write_table(path: Path, pieces: Iterable[pa.Table]) -> None:
-    """Write tables to a file that appears under its name only when it is whole."""
+    """Write tables to a file that gets its name only when it is complete."""
     aside = path.with_suffix(".tmp")
     writer = None
     with open(aside, "wb") as file:
@@ -229,18 +232,18 @@ def _write_table(path: Path, pieces: Iterable[pa.Table]) -> None:
             writer.write_table(piece)
         if writer is not None:
             writer.close()
-        _flushed(file)
+        _flush(file)
     aside.replace(path)
 
 
-def _written(path: Path, content: bytes) -> None:
+def _write_file(path: Path, content: bytes) -> None:
     aside = path.with_suffix(".tmp")
     with open(aside, "wb") as file:
         file.write(content)
-        _flushed(file)
+        _flush(file)
     aside.replace(path)
 
 
-def _flushed(file: BinaryIO) -> None:
+def _flush(file: BinaryIO) -> None:
     file.flush()
     os.fsync(file.fileno())
