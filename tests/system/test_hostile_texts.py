@@ -293,7 +293,7 @@ def test_rich_finds_no_marks_of_its_own_in_it():
         console.print(plain_text(f"[red]x[/red]{EVIL}"))
     assert captured.get().rstrip("\n") == f"[red]x[/red]{printable(EVIL)}"
     assert isinstance(plain_text(""), Text)
-    assert display.visible is plain_text
+    assert display.plain_text is plain_text
 
 
 def test_a_study_shows_its_texts_as_they_are(tmp_path, capsys):
