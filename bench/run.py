@@ -23,6 +23,7 @@ from realtime import RATES_HZ, measure_real_time
 from rich.console import Console
 from rich.table import Table
 from scenarios import endless_hunt, ordinary_hunt
+from start_up import measure_start_up
 from studies import measure_studies
 
 from encircle.progress import Progress, Tell
@@ -117,50 +118,6 @@ def in_memory(robots: int, ticks: int, peers: str | None, tell: Tell) -> dict[st
     }
 
 
-def start_up(tell: Tell) -> dict[str, Any]:
-    """(d) command to first tick, and resident memory of a robot process, with four robots."""
-    to_first_tick = []
-    program = str(Path(sys.executable).parent / "encircle")
-    for start in range(STARTS):
-        tell(start, STARTS + 1)
-        with tempfile.TemporaryDirectory() as scratch:
-            begun = time.time()
-            done = subprocess.run(
-                [program, "run", "sim1", "--json", "--out", str(Path(scratch) / "run")],
-                capture_output=True,
-                text=True,
-                timeout=60,
-                check=True,
-            )
-            to_first_tick.append(json.loads(done.stdout)["begun_unix_s"] - begun)
-    tell(STARTS, STARTS + 1)
-    resident_mib: dict[str, float] = {}
-    pids: dict[str, int] = {}
-
-    def note(report: dict[str, Any]) -> None:
-        pids.update(report.get("started", {}))
-        if report.get("tick", 0) > 0:
-            for name, pid in pids.items():
-                resident_mib[name] = max(peak_mib(pid), resident_mib.get(name, 0.0))
-
-    run(endless_hunt(4, 1500), progress=note)
-    return {
-        "first_tick_s": median(to_first_tick),
-        "first_tick_s_all": to_first_tick,
-        "robot_mib_max": max(v for name, v in resident_mib.items() if name != "world"),
-        "world_mib": resident_mib["world"],
-    }
-
-
-def peak_mib(pid: int) -> float:
-    """Peak resident set of a process in MiB."""
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    except OSError:
-        return 0.0
-    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM")), 0.0)
-
-
 def machine() -> dict[str, Any]:
     """What these figures were measured on."""
     models = [
@@ -207,7 +164,8 @@ def main() -> None:
     options = parser.parse_args()
     rounds, ticks = (100, 100) if options.quick else (1500, 1000)
     report: dict[str, Any] = {"machine": machine(), "versions": versions()}
-    report["d_start"] = told_of("(d) start", start_up)
+    starts = 1 if options.quick else STARTS
+    report["d_start"] = told_of("(d) start", partial(measure_start_up, starts))
     show("(d) start", [report["d_start"]])
     report["a_lock_step"] = [
         told_of(f"(a) lock-step, {n} robots", partial(lock_step, n, r, options.peers))
