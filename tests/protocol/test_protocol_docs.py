@@ -205,7 +205,10 @@ def test_the_viewer_of_the_page_sees_a_hunt_until_its_world_is_gone(tmp_path):
         shown = session.declare_publisher(world_key("demo", "state"))
         until(lambda: shown.matching_status, "the viewer")
         for k in range(1, 5):
-            start(f"r{k}", "-m", "encircle.agents", f"r{k}", "--connect", endpoint, "--run", "demo")
+            # By interpreters of their own: the viewer's subscription needs a moment to be known
+            # everywhere, and forked robots begin the hunt in less than that.
+            own = ("-P", "-m", "encircle.agents")
+            start(f"r{k}", *own, f"r{k}", "--connect", endpoint, "--run", "demo")
         assert world.end() == 0
         assert viewer.end() == 0
         ticks = [int(line.split()[0]) for line in viewer.printed_text().splitlines()]

@@ -6,10 +6,11 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from helpers_commands import ours
 from helpers_paths import ROOT
@@ -19,6 +20,8 @@ from encircle.protocol.keys import robot_key
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.protocol.zenoh.liveliness import alive_keys
 from encircle.protocol.zenoh.session import open_session
+from encircle.runner.fork_server import PROGRAMS
+from encircle.runner.nodes import fork_server
 
 _numbers = itertools.count()
 
@@ -109,20 +112,38 @@ class Hosts:
             subprocess.run(["ip", "netns", "delete", space], check=False, capture_output=True)
 
 
+def process_of(
+    command: Sequence[str], streams: Sequence[IO[bytes]], environment: dict[str, str]
+) -> Any:
+    """A command as a process; a node of ours is forked, which takes a tenth of the time.
+
+    What it is then can do what ``subprocess.Popen`` can.
+    """
+    words = [str(word) for word in command]
+    if words[:2] != [sys.executable, "-m"] or words[2] not in PROGRAMS:
+        stdin, stdout, stderr = streams
+        return subprocess.Popen(
+            words, cwd=ROOT, env=environment, stdin=stdin, stdout=stdout, stderr=stderr
+        )
+    numbers = tuple(stream.fileno() for stream in streams)
+    server = fork_server(environment)
+    node = server.start(words[2], words[3:], numbers, environment, ROOT).result()
+    node.args = words
+    return node
+
+
 class Party:
     """A world, robot or router as a process. Its output goes to files, so that it never waits."""
 
     def __init__(self, command: Sequence[str], log: Path, settings: dict[str, str]) -> None:
         self._out, self._err = log.with_suffix(".out"), log.with_suffix(".err")
-        with open(self._out, "wb") as out, open(self._err, "wb") as err:
-            self._process = subprocess.Popen(
-                command,
-                cwd=ROOT,
-                env=os.environ | {"ENCIRCLE_JSON": "yes"} | settings,
-                stdin=subprocess.DEVNULL,
-                stdout=out,
-                stderr=err,
-            )
+        environment = os.environ | {"ENCIRCLE_JSON": "yes"} | settings
+        with (
+            open(os.devnull, "rb") as nothing,
+            open(self._out, "wb") as out,
+            open(self._err, "wb") as err,
+        ):
+            self._process = process_of(command, (nothing, out, err), environment)
 
     @property
     def pid(self) -> int:
