@@ -153,11 +153,11 @@ class Display:
 
 
 def _delay(result: Result) -> str:
-    """The mean delay that came of the radio, beside the one that was asked of it."""
-    found = "none arrive"
+    """The mean delay that the channel made, beside the one that the scenario asks for."""
+    delivered = "none arrive"
     if result.delay_s_mean is not None:
-        found = f"{result.delay_s_mean:.4g} s on average"
-    return f"{found}; asked for: {result.delay_s_mean_asked:.4g} s ({result.delay_model})"
+        delivered = f"{result.delay_s_mean:.4g} s on average"
+    return f"{delivered}; asked for: {result.delay_s_mean_asked:.4g} s ({result.delay_model})"
 
 
 def _near(distances_m: Sequence[float]) -> str:
@@ -167,21 +167,21 @@ def _near(distances_m: Sequence[float]) -> str:
 
 def _punctuality(hunt: Hunt) -> list[tuple[str, str]]:
     """How a run by the clock kept its time; nothing in lock-step."""
-    found = hunt.timing.get("real_time")
-    if found is None:
+    timing = hunt.timing.get("real_time")
+    if timing is None:
         return []
-    jitter_ms = [f"{found[f'jitter_s_{name}'] * 1e3:.2f}" for name in ("median", "p99", "max")]
+    jitter_ms = [f"{timing[f'jitter_s_{name}'] * 1e3:.2f}" for name in ("median", "p99", "max")]
     deadlines = (
-        f"{found['overruns']} overruns in {found['ticks']} ticks,"
-        f" {found['deadlines_skipped']} deadlines skipped"
+        f"{timing['overruns']} overruns in {timing['ticks']} ticks,"
+        f" {timing['deadlines_skipped']} deadlines skipped"
     )
     names = {"late": "late", "held": "held", "stood_still": "stood still"}
     commands = [
         f"{robot} " + ", ".join(f"{counts[n]} {word}" for n, word in names.items() if counts[n])
-        for robot, counts in found["robots"].items()
+        for robot, counts in timing["robots"].items()
         if any(counts[name] for name in names)
     ]
-    superseded = sum(counts["superseded"] for counts in found["robots"].values())
+    superseded = sum(counts["superseded"] for counts in timing["robots"].values())
     more = f"; {len(commands) - SHOWN_MAX} more" if len(commands) > SHOWN_MAX else ""
     return [
         ("world's deadlines", deadlines),

@@ -1,9 +1,9 @@
 """``python -m encircle.protocol.programs.alive WHAT``: is it there.
 
-The health check of containers and services. It asks over Zenoh, as the parties of a run find each
+The health check of containers and services. It asks over Zenoh, as the nodes of a run find each
 other, not whether a process exists: a router
 by connecting to it, the world or a robot of a run by its liveliness token. The settings are those
-of the party itself, so that inside its container the check needs no arguments.
+of the node itself, so that inside its container the check needs no arguments.
 """
 
 import sys
@@ -93,7 +93,7 @@ def main(
 
 
 def is_visible(endpoints: Endpoints, settings: argparse.Namespace) -> bool:
-    """Whether the party that is asked for can be seen from a session there."""
+    """Whether the node that is asked for can be seen from a session there."""
     with closing(open_session(endpoints)) as session:
         if settings.what == "router":
             return has_neighbours(session)
@@ -107,7 +107,7 @@ def is_visible(endpoints: Endpoints, settings: argparse.Namespace) -> bool:
 
 
 def _identity(settings: argparse.Namespace) -> Identity | None:
-    """Inside a party's container it is the party itself that asks, elsewhere an onlooker."""
+    """Inside a node's container it is the node itself that asks, elsewhere a viewer."""
     node = settings.robot if settings.what == "robot" else settings.what
     own = settings.certificates is not None and (settings.certificates / f"{node}.key").exists()
     return identity(settings.certificates, node if own else None)

@@ -1,11 +1,11 @@
-"""Who belongs: what Zenoh is told so that only a lab's own parties take part in its runs.
+"""Who belongs: what Zenoh is told so that only a lab's own nodes take part in its runs.
 
 Two layers. Mutual TLS says who is there: both ends of a connection show a certificate signed by the
-lab's private authority, and its common name is the party's id (``r1``, ``world``, ``router``,
-``viewer``). Access control says what each may do: the *gate*, which is the party that the others
+lab's private authority, and its common name is the node's id (``r1``, ``world``, ``router``,
+``viewer``). Access control says what each may do: the *gate*, which is the node that the others
 connect to, a router or the world itself, passes on what the table of keys in ``docs/protocol.md``
-has a party say and hear, and drops the rest. So the holder of r2's key can neither speak as r3 nor
-read what r3 observes. Rules name keys, never contents: whatever a party may say is still checked by
+has a node say and hear, and drops the rest. So the holder of r2's key can neither speak as r3 nor
+read what r3 observes. Rules name keys, never contents: whatever a node may say is still checked by
 whoever receives it.
 
 Nothing here touches a file or a socket but ``identity_in``, which looks whether the files are
@@ -34,13 +34,14 @@ Settings = dict[str, Any]
 
 
 class Permissions(NamedTuple):
-    """What a party does, as key expressions: what it may say, hear and be seen as.
+    """What a node may do, as key expressions.
 
-    ``puts``: keys that it publishes on. ``finds``: subscriptions of others that it is told of, for
-    Zenoh holds a message back at its source until one is known. ``takes``: its own subscriptions,
-    each of which must lie within one of these. ``hears``: keys of the messages that are passed on
-    to it. ``lives``: its liveliness tokens. ``watches``: tokens that it is told of. ``tells``: keys
-    on which it answers queries about itself. ``asks``: those on which it may ask others.
+    ``publishes``: keys that it publishes on. ``discovers``: subscriptions of others that it is
+    informed of, for Zenoh holds a message back at its source until one is known. ``subscribes``:
+    each of its own subscriptions must lie within one of these. ``receives``: keys of the messages
+    that are passed on to it. ``declares``: its liveliness tokens. ``watches``: tokens that it is
+    informed of. ``answers``: keys on which it answers queries about itself. ``queries``: keys on
+    which it may query others.
     """
 
     publishes: tuple[str, ...] = ()
@@ -60,7 +61,7 @@ ALL_MESSAGES = (
 
 
 def identity_in(directory: Path, name: str) -> Identity:
-    """The identity of a party in a directory as ``make_certificates`` lays it out.
+    """The identity of a node in a directory as ``make_certificates`` lays it out.
 
     ``ConfigurationError`` names the file that is not there or cannot be read.
     """
@@ -95,7 +96,7 @@ def settings(
     connect: Collection[str],
     direct_radio: bool = False,
 ) -> Settings:
-    """All settings of a party with these endpoints; who listens is a gate.
+    """All settings of a node with these endpoints; who listens is a gate.
 
     ``direct_radio``: as for ``gate``. ``ConfigurationError`` for an endpoint without encryption.
     """
@@ -132,7 +133,7 @@ def tls(identity: Identity, listens: bool, connects: bool) -> Settings:
 
 
 def gate(robots: Iterable[str] = TEAM, run: str = "*", direct_radio: bool = False) -> Settings:
-    """Settings of the party that the others connect to: what each certificate may do there.
+    """Settings of the node that the others connect to: what each certificate may do there.
 
     And that nobody is waited for who does not read (``encircle.protocol.zenoh.lanes``).
     ``run``: a run's name, or any. ``direct_radio``: robots hear each other's poses themselves.
@@ -222,7 +223,7 @@ def _access_control(rules: Mapping[str, list[Settings]]) -> Settings:
 
 
 def _rules(name: str, part: Permissions) -> list[Settings]:
-    """A part as rules; a message comes in from the party (ingress) or goes out to it (egress)."""
+    """Permissions as rules; messages come in from the node (ingress) or go out to it (egress)."""
     queries = ("declare_liveliness_subscriber", "liveliness_query")
     table = (
         ("says", ("put",), "ingress", part.publishes),

@@ -1,9 +1,9 @@
-"""How a party reaches the others: where it listens, where it connects, and as what.
+"""How a node reaches the others: where it listens, where it connects, and as what.
 
 Everything goes through explicit endpoints, of the form ``protocol/address`` as in
-``tcp/127.0.0.1:7447``. A party that listens nowhere is a client: of the world itself, or of a
+``tcp/127.0.0.1:7447``. A node that listens nowhere is a client: of the world itself, or of a
 router. One that listens is a peer, and a full mesh is peers that list each other. A Zenoh
-configuration file may say all this instead, and more. Certificates say who a party is
+configuration file may say all this instead, and more. Certificates say who a node is
 (``encircle.protocol.zenoh.access_control``).
 
 A listener is reachable from this machine alone unless something authenticates who connects, or the
@@ -41,9 +41,9 @@ class ConfigurationError(ConnectionFailed):
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who a party is: its certificate, the key to it, and the authority whose word it takes.
+    """Who a node is: its certificate, the key to it, and the authority whose word it takes.
 
-    Paths of PEM files. Only the party itself should be able to read ``key``.
+    Paths of PEM files. Only the node itself should be able to read ``key``.
     """
 
     authority: Path

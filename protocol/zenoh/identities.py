@@ -1,7 +1,7 @@
-"""Which certificate a party shows, and whether it will do, found out before anybody connects.
+"""Which certificate a node shows, and whether it will do, found out before anybody connects.
 
 Zenoh says of a connection that was refused only that there is none. So certificates are looked at
-beforehand: a party shakes hands with itself, in memory, by the library that Python comes with,
+beforehand: a node shakes hands with itself, in memory, by the library that Python comes with,
 which takes its certificate for its authority's or says what is wrong with it.
 """
 
@@ -68,7 +68,7 @@ def viewer_identity(directory: Path) -> Identity:
 def common_name(identity: Identity) -> str:
     """The common name of a certificate that its authority vouches for now; raises ``SSLError``.
 
-    The server's end judges the certificate as that of a client, which every party is certified as;
+    The server's end judges the certificate as that of a client, which every node is certified as;
     the client's end believes anything.
     """
     ends = []

@@ -2,7 +2,7 @@
 
 Zenoh keeps a queue for each priority of each connection. When a reader is frozen, or slower than
 what it subscribed to, the queue to it fills. A message that is sent to block then waits for room,
-and with it whoever sent it, at the party that the others connect to: the *gate*. So a gate does not
+and with it whoever sent it, at the node that the others connect to: the *gate*. So a gate does not
 take the sender's word. On the way out of it, whatever finds no room is dropped, and that holds for
 the healthy too; but their queues have room for all that a round can bring, as messages are packed
 there by bytes and not one by one. What is lost all the same is asked for again.
@@ -48,12 +48,12 @@ _BLOCK_WHEN_FULL = {
 QUEUE_SETTINGS: Settings = {
     f"transport/link/tx/queue/size/{priority}": BATCHES_MAX for priority in (ROUND, SURE, "data")
 }
-"""Of every party."""
+"""Of every node."""
 GATE_SETTINGS: Settings = {
     "qos/network": [_DROP_WHEN_FULL, _BLOCK_WHEN_FULL],
     "transport/link/tx/queue/congestion_control/block/wait_before_close": CLOSE_AFTER_US,
 }
-"""Of every party that listens, beside ``QUEUE_SETTINGS``."""
+"""Of every node that listens, beside ``QUEUE_SETTINGS``."""
 
 
 def message_priority(key: str, again: bool) -> str:

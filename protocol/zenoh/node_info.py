@@ -1,4 +1,4 @@
-"""What a party says of itself when it is asked: who it is, its versions, what its clock shows.
+"""What a node says of itself when it is asked: who it is, its versions, what its clock shows.
 
 World, robots and router answer a Zenoh query on a key of their own, with one msgpack map. It takes
 no part in a run and in no digest; ``encircle doctor`` asks, and so can anybody else. A robot of
@@ -31,7 +31,7 @@ PACKAGES = ("encircle", "eclipse-zenoh")
 
 @dataclass(frozen=True, slots=True)
 class NodeInfo:
-    """A party's answer. ``versions``: by package, and of Python; times: its clock, Unix time in us.
+    """A node's answer. ``versions``: by package, and of Python; times: its clock, Unix time in us.
 
     ``wire``: the version of the wire format it speaks. ``received_us``: when it was asked;
     ``sent_us``: when it answered.
@@ -46,7 +46,7 @@ class NodeInfo:
 
 @lru_cache(maxsize=1)
 def versions_here() -> dict[str, str]:
-    """Versions of this party's Python and packages."""
+    """Versions of this node's Python and packages."""
     versions_found = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
@@ -57,7 +57,7 @@ def versions_here() -> dict[str, str]:
 
 
 def info_replier(node: str, clock_us: Callable[[], int]) -> Callable[[], bytes]:
-    """A function that makes this party's answer to the query that has just come in."""
+    """A function that makes this node's answer to the query that has just come in."""
     versions = versions_here()
 
     def reply() -> bytes:
