@@ -1,8 +1,10 @@
-# One image for router, world and robots: docker build -t encircle .
+# Images of the program, of which docs/hosts.md says what each carries:
+#   docker build -t encircle .                                   nodes: router, world, robot, doctor
+#   docker build -t encircle-laboratory --target laboratory .    the same, and the whole laboratory
 # What each container is, and all that it needs to know, is said by arguments or by environment
-# variables (docs/hosts.md).
+# variables.
 
-FROM python:3.11-slim AS build
+FROM python:3.11-slim AS packages
 WORKDIR /build
 RUN python -m venv /opt/encircle
 # Only modules that a run imports are compiled beforehand, below: that halves what there is to store.
@@ -13,6 +15,11 @@ COPY pyproject.toml requirements.txt ./
 RUN python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > wanted.txt \
  && pip install --no-cache-dir --no-compile --constraint requirements.txt --requirement wanted.txt setuptools \
  && find /opt/encircle -type d -name tests -prune -exec rm -rf {} +
+
+# What a node never imports goes: what draws, and what writes tables on a terminal.
+FROM packages AS node-build
+RUN pip uninstall --yes matplotlib contourpy cycler fonttools kiwisolver packaging pillow pyparsing \
+    python-dateutil rich markdown-it-py mdurl Pygments
 COPY README.md LICENSE ./
 # encircle/ holds links to the three beside it.
 COPY protocol protocol
@@ -22,11 +29,29 @@ COPY encircle encircle
 RUN pip install --no-cache-dir --no-compile --no-build-isolation --no-deps . \
  && pip uninstall --yes setuptools pip \
  && env --unset=PYTHONDONTWRITEBYTECODE --chdir=/ python -c \
-    "import encircle.agents.process.robot, encircle.world.process.server, encircle.cli.main, \
-     encircle.protocol.programs.alive, encircle.protocol.programs.router, encircle.replay.replaying"
+    "import encircle.agents.process.robot, encircle.world.__main__, encircle.world.process.running, \
+     encircle.world.recording.resuming, encircle.protocol.programs.alive, \
+     encircle.protocol.programs.router"
 
-FROM python:3.11-slim
-COPY --from=build /opt/encircle /opt/encircle
+# Studies and certificates need more.
+FROM packages AS laboratory-build
+RUN python -c "import tomllib; more = tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']; print(*more['studies'], *more['security'], sep='\n')" > more.txt \
+ && pip install --no-cache-dir --no-compile --constraint requirements.txt --requirement more.txt \
+ && find /opt/encircle -type d -name tests -prune -exec rm -rf {} +
+COPY README.md LICENSE ./
+# encircle/ holds links to the three beside it.
+COPY protocol protocol
+COPY agents agents
+COPY world world
+COPY encircle encircle
+RUN pip install --no-cache-dir --no-compile --no-build-isolation --no-deps . \
+ && pip uninstall --yes setuptools pip \
+ && env --unset=PYTHONDONTWRITEBYTECODE --chdir=/ python -c \
+    "import encircle.cli.hunting, encircle.figures.figures, encircle.studies.command, \
+     encircle.replay.replaying, encircle.protocol.programs.alive; \
+     from encircle.runner.fork_server import preload; preload()"
+
+FROM python:3.11-slim AS base
 # Any user may run it; there is no home to write to, and a robot's matrices need no thread pool.
 ENV PATH=/opt/encircle/bin:$PATH \
     PYTHONUNBUFFERED=1 \
@@ -38,3 +63,9 @@ WORKDIR /work
 USER 1000:1000
 ENTRYPOINT ["encircle"]
 CMD ["--help"]
+
+FROM base AS laboratory
+COPY --from=laboratory-build /opt/encircle /opt/encircle
+
+FROM base AS node
+COPY --from=node-build /opt/encircle /opt/encircle

@@ -12,6 +12,8 @@ from encircle.protocol.programs.options import Options
 from encircle.runner.links import LINKS
 
 WORKERS_MAX = 1024
+ALWAYS = ("matplotlib", "rich")
+"""Packages that come with the program itself."""
 
 
 def reproduce_main(arguments: Sequence[str], program: str) -> int:
@@ -66,6 +68,8 @@ def study_main(arguments: Sequence[str], program: str) -> int:
         from encircle.studies.command import Request, run_study, show
         from encircle.studies.workers import StudyFailed
     except ModuleNotFoundError as error:
+        if error.name in ALWAYS:
+            raise
         say_error(f"encircle: studies need {error.name}: install encircle[studies]")
         return 2
     request = Request(

@@ -46,6 +46,8 @@ COMMANDS = {
     "alive": Command("Say whether a node of a run is there.", "encircle.protocol.programs.alive"),
     "doctor": Command("Examine this machine and a run's network.", "encircle.doctor.doctor"),
 }
+LABORATORY = ("matplotlib", "rich")
+"""Packages that the command line uses and no node."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -120,6 +122,11 @@ def _failure(error: BaseException) -> tuple[int, str] | None:
             return 1, str(error)
         case RunFailed():
             return 1, f"the run failed: {error}"
+        case ModuleNotFoundError(name=str(name)) if name.partition(".")[0] in LABORATORY:
+            return 2, (
+                f"this command needs {name}, which an image for nodes leaves out:"
+                " take the image of the laboratory, docker build --target laboratory"
+            )
         case PluginFailed():
             # What only reads a run leaves nothing in its directory.
             return 1, failure_line(error, None)

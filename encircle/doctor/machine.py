@@ -13,6 +13,7 @@ import resource
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -59,6 +60,27 @@ def check_machine(runs: Path, runs_named: bool) -> list[CheckResult]:
     ]
 
 
+LABORATORY = "laboratory"
+LABORATORY_PACKAGES = ("matplotlib", "rich")
+"""An image for nodes leaves them out."""
+
+
+def _use(name: str) -> str:
+    """What a package of no extra is for, empty if for everything."""
+    return LABORATORY if name in LABORATORY_PACKAGES else ""
+
+
+def _missing(package: str, use: str, names: Sequence[str]) -> CheckResult:
+    """The result for packages that are not there; ``use``: an extra, the laboratory or empty."""
+    message, advice = f"not installed: {', '.join(names)}", f"pip install {' '.join(names)}"
+    if not use:
+        return CheckResult("versions", "wrong", message, advice)
+    if use == LABORATORY:
+        return CheckResult("versions", "note", f"{message}; no node needs it", advice)
+    needs = f"only {use} need it" if use == "studies" else f"only for {use}"
+    return CheckResult("versions", "note", f"{message}; {needs}", f"pip install '{package}[{use}]'")
+
+
 def check_packages(package: str = "encircle") -> list[CheckResult]:
     """Whether Python and the installed packages have the versions that the program requires."""
     try:
@@ -85,7 +107,7 @@ def check_packages(package: str = "encircle") -> list[CheckResult]:
         try:
             present = version(name)
         except PackageNotFoundError:
-            missing.setdefault(extra, []).append(name)
+            missing.setdefault(extra or _use(name), []).append(name)
             continue
         if not within_bounds(present, bounds):
             message = f"{name} is {present}, needed is {bounds}"
@@ -95,15 +117,7 @@ def check_packages(package: str = "encircle") -> list[CheckResult]:
             )
         elif not extra:
             present_versions.append(f"{name} {present}")
-    for extra, names in missing.items():
-        message = f"not installed: {', '.join(names)}"
-        if extra:
-            level: Level = "note"
-            message += f"; only {extra} need it" if extra == "studies" else f"; only for {extra}"
-        else:
-            level = "wrong"
-        advice = f"pip install '{package}[{extra}]'" if extra else f"pip install {' '.join(names)}"
-        results.append(CheckResult("versions", level, message, advice))
+    results += [_missing(package, use, names) for use, names in missing.items()]
     return [CheckResult("versions", "ok", ", ".join(present_versions)), *results]
 
 

@@ -7,6 +7,7 @@ import shutil
 import socket
 import tempfile
 import threading
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import NamedTuple
 
@@ -118,6 +119,22 @@ def test_packages_that_lack_or_are_too_old_are_named(tmp_path, monkeypatch):
     assert "msgpack" in result[0].said
     assert "numpy" not in result[0].said
     assert [f.level for f in checkup.check_packages("not-there-at-all")] == ["wrong"]
+
+
+def test_an_image_for_nodes_is_well_without_what_draws(monkeypatch):
+    def version(name: str) -> str:
+        if name in ("matplotlib", "rich"):
+            raise PackageNotFoundError(name)
+        return installed(name)
+
+    installed = checkup.version
+    monkeypatch.setattr(checkup, "version", version)
+    results = checkup.check_packages()
+    assert "wrong" not in {result.level for result in results}
+    notes = [result.said for result in results if result.level == "note"]
+    assert len(notes) == 1
+    assert notes[0].endswith("; no node needs it")
+    assert all(name in notes[0] for name in ("matplotlib", "rich"))
 
 
 def written(folder, files):

@@ -58,7 +58,9 @@ def engine() -> Iterator[Daemon]:
     try:
         with building(root) as builder:
             make_base_image(root, builder)
-            builder.docker("build", "--network", "host", "--tag", "encircle", str(ROOT))
+            build = ("build", "--network", "host", "--tag")
+            builder.docker(*build, "encircle", str(ROOT))
+            builder.docker(*build, "laboratory", "--target", "laboratory", str(ROOT))
         with running(root) as daemon:
             yield daemon
     finally:
@@ -104,16 +106,37 @@ def test_both_versions_of_compose_are_tried(engine, compose_v2):
         assert said.startswith(version)
 
 
-def test_the_image_is_small_enough_and_runs_as_nobody_special(engine):
-    size, user = engine.docker(
-        "inspect", "--format", "{{.Size}} {{.Config.User}}", "encircle"
-    ).split()
-    base = engine.docker("inspect", "--format", "{{.Size}}", "python:3.11-slim")
-    print(f"image {int(size) / 1e6:.0f} MB, {(int(size) - int(base)) / 1e6:.0f} MB above its base")
-    assert int(size) - int(base) < 400e6
+def size_mb(engine: Daemon, image: str) -> float:
+    return int(engine.docker("inspect", "--format", "{{.Size}}", image)) / 1e6
+
+
+def test_the_image_for_nodes_is_small_enough_and_runs_as_nobody_special(engine):
+    base_mb, node_mb = size_mb(engine, "python:3.11-slim"), size_mb(engine, "encircle")
+    laboratory_mb = size_mb(engine, "laboratory")
+    print(f"node {node_mb:.0f} MB, {node_mb - base_mb:.0f} MB above its base;", end=" ")
+    print(f"laboratory {laboratory_mb:.0f} MB, {laboratory_mb - base_mb:.0f} MB above its base")
+    assert node_mb - base_mb < 280
+    user = engine.docker("inspect", "--format", "{{.Config.User}}", "encircle").strip()
     assert user == "1000:1000"
     listed = engine.docker("run", "--rm", "--network", "none", "encircle", "scenarios")
     assert listed.startswith("sim1")
+
+
+@pytest.mark.parametrize("command", [("run", "sim1"), ("study", "loss"), ("reproduce",)])
+def test_an_image_for_nodes_says_that_it_is_no_laboratory(engine, command):
+    with pytest.raises(AssertionError, match="take the image of the laboratory"):
+        engine.docker("run", "--rm", "--network", "none", "encircle", *command)
+
+
+def test_the_laboratory_runs_draws_and_replays_a_hunt(engine, runs):
+    runs.chmod(0o777)
+    there = ("run", "--rm", "--network", "none", "--volume", f"{runs}:/runs", "laboratory")
+    done = json.loads(engine.docker(*there, "run", "sim1", "--json", "--out", "/runs/one"))
+    assert done["digest"] == encircle.run("sim1", link="memory").digest
+    assert (runs / "one" / "trajectory.png").stat().st_size > 0
+    assert "0 decided differently" in engine.docker(*there, "replay", "/runs/one", "--check")
+    study = ("study", "loss", "--seeds", "1", "--out", "/runs/study", "--set", "ticks_max=3")
+    assert json.loads(engine.docker(*there, *study, "--json"))["failed"] == 0
 
 
 def test_up_runs_simulation_1_as_in_memory_and_leaves_the_recording(engine, compose, runs):
