@@ -3,7 +3,7 @@
 How delays are drawn, and what comes of them in ticks, is in ``encircle.world.channel.delay``.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import BeforeValidator, Field
 
@@ -107,23 +107,16 @@ class TraceDelay(Delay):
     """Rows of single links."""
 
 
-DELAY_MODELS = models_by_name(
-    ConstantDelay,
-    UniformDelay,
-    GammaDelay,
-    LognormalDelay,
-    NormalDelay,
-    ExponentialDelay,
-    TraceDelay,
-)
-AnyDelay = Annotated[
+_Models = (
     ConstantDelay
     | UniformDelay
     | GammaDelay
     | LognormalDelay
     | NormalDelay
     | ExponentialDelay
-    | TraceDelay,
-    Field(discriminator="model"),
-    BeforeValidator(completed("constant", DELAY_MODELS)),
+    | TraceDelay
+)
+DELAY_MODELS = models_by_name(*get_args(_Models))
+AnyDelay = Annotated[
+    _Models, Field(discriminator="model"), BeforeValidator(completed("constant", DELAY_MODELS))
 ]

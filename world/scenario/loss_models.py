@@ -3,7 +3,7 @@
 What a model does to packets is in ``encircle.world.channel.loss``.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import BeforeValidator, Field
 
@@ -118,11 +118,10 @@ class TraceLoss(Loss):
     """Rows of single links."""
 
 
-LOSS_MODELS = models_by_name(
-    NoLoss, BernoulliLoss, GilbertElliottLoss, BurstLoss, DistanceLoss, RangeLoss, TraceLoss
+_Models = (
+    NoLoss | BernoulliLoss | GilbertElliottLoss | BurstLoss | DistanceLoss | RangeLoss | TraceLoss
 )
+LOSS_MODELS = models_by_name(*get_args(_Models))
 AnyLoss = Annotated[
-    NoLoss | BernoulliLoss | GilbertElliottLoss | BurstLoss | DistanceLoss | RangeLoss | TraceLoss,
-    Field(discriminator="model"),
-    BeforeValidator(completed("none", LOSS_MODELS)),
+    _Models, Field(discriminator="model"), BeforeValidator(completed("none", LOSS_MODELS))
 ]
