@@ -1,4 +1,4 @@
-"""What a robot can be told about how to hunt. Defaults are the paper's where it gives a value.
+"""Parameters of how a robot hunts. Defaults are the paper's where it gives a value.
 
 The others were chosen by measurement; ``docs/paper.md`` has the tables. The world sends the
 parameters in ``setup``; a robot refuses names it does not know.

@@ -1,9 +1,9 @@
-"""Random draws without a generator's memory: each is a function of (seed, purpose, tick, place).
+"""Random draws without a generator's memory: each is a function of (seed, purpose, tick, index).
 
-numpy's Philox is counter-based: the key holds seed and purpose, the counter the tick, and the place
-in the stream is the robot or link. No draw depends on what was drawn before it, on which process
-ran first, or on whether another stage of the channel is switched on; so two arms of a comparison
-meet the same fate.
+numpy's Philox is counter-based: the key holds seed and purpose, the counter the tick, and the index
+in the stream is the robot's or the link's. No draw depends on what was drawn before it, on which
+process ran first, or on whether another stage of the channel is switched on. So two arms of a
+comparison meet the same fates.
 """
 
 from enum import IntEnum
@@ -42,8 +42,8 @@ def uniforms(seed: int, purpose: Purpose, tick: int, count: int) -> NDArray[np.f
 
 
 @lru_cache(maxsize=64)
-def _link_places(robots: int) -> NDArray[np.intp]:
-    """(N, N) places of links in a stream, the same for a pair whatever N is (Szudzik's pairing)."""
+def _link_indices(robots: int) -> NDArray[np.intp]:
+    """(N, N) indices of links in a stream, a pair's the same whatever N is (Szudzik's pairing)."""
     s, r = np.meshgrid(np.arange(robots), np.arange(robots), indexing="ij")
     return np.where(s < r, r * r + s, s * s + s + r)
 
@@ -71,7 +71,7 @@ def link_block(seed: int, purpose: Purpose, block: int, robots: int) -> NDArray[
         state["state"]["counter"][:] = (0, 0, block * ticks + k, 0)
         bits.state = state
         generator.random(out=draws[k])
-    drawn = draws[:, _link_places(robots)]
+    drawn = draws[:, _link_indices(robots)]
     drawn.setflags(write=False)
     return drawn
 

@@ -1,4 +1,4 @@
-"""Kalman filter over everybody's detections of the target, late ones put in their place.
+"""Kalman filter over everybody's detections of the target, each at its own tick, also late ones.
 
 Constant-velocity model with white acceleration noise, position measured, noise isotropic. The two
 axes are then the same filter run twice: one 2 x 2 covariance serves both, and several detections of

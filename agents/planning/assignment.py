@@ -12,7 +12,7 @@ they are so in whole microns (``QUANTA_PER_M``), since rounding noise must not d
 Up to ``ENUMERATED_MAX`` robots all permutations are summed by one matrix product, exact in whole
 microns, and the first of the shortest is taken. For larger teams the rule is carried by the costs
 themselves: each distance is shifted left and the low bits hold the point's number, the first
-robot's in the highest place. Sums of up to 8 km stay below 2**53, so scipy's double arithmetic is
+robot's in the highest bits. Sums of up to 8 km stay below 2**53, so scipy's double arithmetic is
 exact. The low bits hold the whole rule up to seven robots; beyond that only for as many leading
 robots as fit, and what is left is broken by scipy's own fixed order.
 

@@ -23,7 +23,7 @@ TURNS = tuple((cos(angle), sin(angle)) for angle in _ANGLES)
 PROGRESS_MIN = 0.05
 SHARE_MIN = 0.05
 GAIN_MIN = 1e-9
-"""Headings that get equally far must not be told apart by rounding."""
+"""Differences in progress below this are rounding noise and decide nothing."""
 ROUNDING_M = 1e-12
 TARGET_TOLERANCE_M = 0.3
 
@@ -96,7 +96,7 @@ def _surface_points(
 def _peer_limits(
     peers: Sequence[Point], length: float, parameters: Parameters
 ) -> list[tuple[float, float, float]]:
-    """For each near robot the direction to it and how far this one may go that way."""
+    """For each near robot the direction to it and how far this one may go towards it."""
     limits = []
     apart = 2.0 * parameters.radius_m + parameters.clearance_m
     for x, y in peers:
@@ -123,7 +123,7 @@ def _safe_share(
 
 
 def _is_clear(x: float, y: float, walls: list[Point], keep: float) -> bool:
-    """Whether a place keeps the clearance, or at least does not come nearer where it is broken."""
+    """Whether a position keeps the clearance, or comes no nearer where it is too near already."""
     for wx, wy in walls:
         after = hypot(wx - x, wy - y)
         if after < keep and after < hypot(wx, wy):

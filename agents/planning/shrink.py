@@ -8,7 +8,7 @@ nearer one, as the paper says, and the robot always drifts into the larger of it
 
 The printed arctan of a quotient folds angles beyond 90 degrees; the signed angle atan2(cross, dot)
 in (-pi, pi] is what is meant. A side without robots counts as 0 in the enclosure test (the ring is
-open there); in Eq. 6 the nearest neighbour that way round is the farthest one on the other side.
+open there); in Eq. 6 the nearest neighbour in that direction is the farthest one on the other side.
 """
 
 from collections.abc import Sequence

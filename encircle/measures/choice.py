@@ -1,4 +1,4 @@
-"""Measures of how well robots that decide alone decide together: places, changes of mind, regret.
+"""Measures of how well robots that decide alone decide together: conflicts, switches, regret.
 
 A robot encircles at a tick if its command names an encirclement point. Points are compared by where
 they are, never by number: each robot counts from its own reference, and two robots may hold
@@ -7,9 +7,9 @@ different rings to be the ring.
 Regret is what a team pays for not knowing the truth. The omniscient team holds the ring about the
 target's true position at xi = 0 (Eq. 1, from true positions) and takes the assignment with the
 least total distance. Of the real team each robot claims the point of that ring nearest to its goal;
-a point claimed by several goes to one of them and the others take points that nobody claimed, in
-the way that is cheapest for the team. What this costs more than the omniscient assignment is the
-regret in m. It is at least 0, since it compares with the best of all assignments.
+a point claimed by several goes to one of them and the others take points that nobody claimed, by
+the assignment that is cheapest for the team. What this costs more than the omniscient assignment is
+the regret in m. It is at least 0, since it compares with the best of all assignments.
 """
 
 import numpy as np
@@ -156,9 +156,9 @@ def true_rings(log: RunLog) -> Floats:
     return np.asarray(centres[:, None] + log.parameters.ring_radius_m * turned)
 
 
-def _distances(places: Floats, ring: Floats) -> Floats:
-    """(R, N, N) from each robot's place to each point of the ring."""
-    away = places[:, :, None] - ring[:, None]
+def _distances(positions: Floats, ring: Floats) -> Floats:
+    """(R, N, N) from each position to each point of the ring."""
+    away = positions[:, :, None] - ring[:, None]
     return np.hypot(away[..., 0], away[..., 1])
 
 

@@ -100,7 +100,7 @@ def _resolve(
     apart: dict[tuple[int, int], float],
     moving: int,
 ) -> list[tuple[int, int]]:
-    """Advance ``place`` by ``motion`` over one tick, contact by contact; returns who touched."""
+    """Advance ``current`` by ``motion`` over one tick, contact by contact; returns who touched."""
     left = 1.0
     wanted = {i: tuple(step) for i, step in motion.items()}
     touched: set[tuple[int, int]] = set()
@@ -176,7 +176,7 @@ def _stop_pressing(
     nx, ny = (bx - ax) / distance, (by - ay) / distance
     a, b = motion[pair[0]], motion[pair[1]]
     towards, away = a[0] * nx + a[1] * ny, b[0] * nx + b[1] * ny
-    # One that gives way is followed at its pace; two that press on each other both stop.
+    # A body follows one that moves away from it, as fast as that one; bodies that press both stop.
     shared = away if away > 0.0 else towards if towards < 0.0 else 0.0
     back = missing / 2.0 if pair[1] < moving else missing
     for i, along, after, restored in (
@@ -188,7 +188,7 @@ def _stop_pressing(
             velocity[0] += (after - along) * nx
             velocity[1] += (after - along) * ny
             if velocity[0] * wanted[i][0] + velocity[1] * wanted[i][1] < 0.0:
-                # In a notch one contact after the other would turn a body back. It stands.
+                # Between two obstacles the contacts in turn would send it backwards. It stops.
                 velocity[0] = velocity[1] = 0.0
         velocity[0] += restored * nx
         velocity[1] += restored * ny

@@ -58,6 +58,6 @@ def unicycle(
 def holonomic_headings(
     headings: NDArray[np.float64], steps: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Headings (N,) of bodies that go any way at once: where they last set out to."""
+    """Headings (N,) of bodies that move in any direction: the direction of their last step."""
     moving = (steps != 0.0).any(axis=1)
     return np.where(moving, np.arctan2(steps[:, 1], steps[:, 0]), headings)

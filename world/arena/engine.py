@@ -2,8 +2,8 @@
 
 ``build`` turns a scenario and a seed into the constants of a run; ``initial`` gives the state at
 tick 0, ``observe`` what each robot senses and receives there, ``advance`` the state one tick later.
-A robot that is lost is a body that coasts to a stop, sends nothing, hears nothing and captures
-nothing; it stays in the way, and is seen as what it looks like.
+A robot that is lost is a body that coasts to a stop, sends nothing, receives nothing and counts for
+no capture. It still blocks other bodies, and the others still see it.
 """
 
 from collections.abc import Sequence
@@ -97,7 +97,7 @@ def initial(arena: Arena) -> ArenaState:
 def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[Observation]:
     """What each robot senses, and what its radio delivers, at the state's tick; in robot order.
 
-    Those that are ``lost`` (robot order) sense nothing, and the others are told of them.
+    Robots that are ``lost`` (in robot order) get none; the others' observations name them.
     """
     count = len(arena.ids)
     tick = state.tick
@@ -106,7 +106,7 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
         packets = state.packets[sent_tick]
         for inbox, arrives in zip(inboxes, links.T.tolist(), strict=True):
             inbox += compress(packets, arrives)  # type: ignore[arg-type]  # None never flies
-    places = [tuple(p) for p in state.positions[:count].tolist()]
+    positions = [tuple(p) for p in state.positions[:count].tolist()]
     targets = _detected(arena, state)
     visible = state.visible[:count].tolist()
     scans = state.scans.tolist()
@@ -115,11 +115,11 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
         Observation(
             robot,
             tick,
-            places[i],
+            positions[i],
             headings[i],
             targets[i] if visible[i][count] else None,
             tuple(scans[i]),
-            tuple([(arena.ids[k], *places[k]) for k in range(count) if visible[i][k]]),
+            tuple([(arena.ids[k], *positions[k]) for k in range(count) if visible[i][k]]),
             tuple(inboxes[i]),
             tuple(lost),
         )
@@ -204,12 +204,12 @@ def _turned(
 
 def truth(arena: Arena, state: ArenaState) -> State:
     """The state as the message that viewers and recorders get."""
-    places = [tuple(p) for p in state.positions[: len(arena.ids) + 1].tolist()]
+    positions = [tuple(p) for p in state.positions[: len(arena.ids) + 1].tolist()]
     return State(
         state.tick,
-        tuple(places[:-1]),
+        tuple(positions[:-1]),
         tuple(state.headings[:-1].tolist()),
-        places[-1],
+        positions[-1],
         state.captured,
         tuple([(arena.names[i], arena.names[k]) for i, k in state.contacts]),
     )
@@ -267,14 +267,14 @@ def _detected(arena: Arena, state: ArenaState) -> list[Point]:
 
 def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Floats]:
     count = len(arena.ids)
-    places = state.positions[: count + 1].tolist()
-    x, y = places[count]
+    positions = state.positions[: count + 1].tolist()
+    x, y = positions[count]
     visible = state.visible[count].tolist()
     view = TargetView(
         state.tick,
         (x, y),
         float(state.headings[count]),
-        [tuple(places[k]) for k in range(count) if visible[k]],
+        [tuple(positions[k]) for k in range(count) if visible[k]],
         state.scans[count].tolist(),
         arena.scenario.target.step_m_max,
         arena.scenario.target.radius_m,

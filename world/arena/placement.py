@@ -39,16 +39,17 @@ def starts(scenario: Scenario, seed: int) -> list[Point]:
 
 
 def nearest_free(positions: Floats, radii: Floats, body: int, wanted: Point) -> Floats:
-    """The wanted position (2,) of a body, or the nearest place around it where it fits.
+    """The wanted position (2,) of a body, or the nearest position around it where it fits.
 
-    ``positions`` (B, 2) and ``radii`` (B,) of all bodies, in m. It stays if nothing is found.
+    ``positions`` (B, 2) and ``radii`` (B,) of all bodies, in m. The body's own position if there
+    is no other.
     """
     others = np.delete(positions, body, axis=0)
     apart = np.delete(radii, body) + radii[body] + 2 * SKIN_M
     for ring in range(FREE_RINGS_MAX):
         radius = ring * FREE_SPACING_M
-        places = max(1, ceil(2 * pi * ring))
-        angles = np.arange(places) * (2 * pi / places)
+        count = max(1, ceil(2 * pi * ring))
+        angles = np.arange(count) * (2 * pi / count)
         tried = quantised(
             np.array(wanted) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         )

@@ -20,8 +20,8 @@ at every tick, sent or not; the order of packets is remembered of those that wer
 **Precedence.** Of several causes that apply to one packet the first of these is named:
 sender-silent, receiver-silent, partition, outage, queue-full, out-of-range, and then the link's
 loss by chance or trace (a link has one). That is from the certain to the random: what is scheduled,
-what the senders make of it, where the robots are, chance. A packet that is cut off or lost on its
-way has taken its time at the transmitter all the same; one of a silent sender has not.
+what the senders make of it, where the robots are, chance. A packet that is cut off or lost has
+taken its time at the transmitter all the same; one of a silent sender has not.
 
 **Order.** With order kept a packet is held back until those sent before it on its link have
 arrived. A copy is held back until its packet has arrived, and holds back nothing: later packets do
@@ -104,7 +104,7 @@ class ChannelState(NamedTuple):
     """What the radio remembers.
 
     Whether links are ``bad``, each link's newest due tick, the transmitters' queues, and the
-    packets that are on their way by due tick.
+    packets in flight by due tick.
     """
 
     bad: NDArray[np.bool_] | None
@@ -189,7 +189,7 @@ def deliver(state: ChannelState, tick: int) -> tuple[ChannelState, tuple[Flight,
 
 
 def in_flight(state: ChannelState) -> int:
-    """How many packets are on their way."""
+    """How many packets are in flight."""
     return sum(int(f.links.sum()) for flights in state.flights.values() for f in flights)
 
 

@@ -1,4 +1,4 @@
-"""Delay on the way: how long each packet of a tick takes, and in how many ticks it is there.
+"""Delay: how long each packet of a tick takes, in seconds and in whole ticks.
 
 Distributions are drawn by inverting their cumulative distribution, one uniform per packet, so that
 two arms that differ in the delay's law or its parameters meet the same quantiles of it. *Normal* is
@@ -113,7 +113,7 @@ def build(
     seed: int,
     purpose: Purpose = Purpose.DELAY,
 ) -> Delays:
-    """The delays of a channel; those of copies have no place in a trace's order and are drawn."""
+    """The delays of a channel; those of copies are drawn, also from a trace."""
     count = len(ids)
     fixed_s, first, second = np.zeros((3, count, count))
     drawn: dict[str, NDArray[np.bool_]] = {}
@@ -168,7 +168,7 @@ def ticks(delays: Delays, tick: int) -> Ints:
 def whole_ticks(delay_s: Floats, tick_s: float, waited_ticks: Floats | float = 0.0) -> Ints:
     """Whole ticks until delivery: the first tick at or after arrival, and never the same tick.
 
-    ``waited_ticks``: how long the packet waited before it was on its way.
+    ``waited_ticks``: how long the packet waited before it was sent.
     """
     # A delay of exactly k ticks must not become k + 1 because tick_s is not a binary fraction.
     taken = np.ceil(delay_s / tick_s + waited_ticks - SLACK_TICKS)

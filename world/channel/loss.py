@@ -1,4 +1,4 @@
-"""Loss on the way: which packets of a tick the links lose by chance, by range or by a trace.
+"""Loss: which packets of a tick the links lose by chance, by range or by a trace.
 
 *Bernoulli*: each packet with probability ``rate``. *Distance*: with the logistic probability 1 / (1
 + exp(-(d - midpoint) / width)) of the distance d between the robots' centres as the packet is sent.

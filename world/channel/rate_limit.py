@@ -3,7 +3,7 @@
 A packet is sent once for all its receivers. That takes the longer of 1 / ``packets_per_s`` and
 its size / ``bytes_per_s``; before it go the packets that were there before. Waiting and sending
 count as delay, also if the transmitter was idle: a packet has been sent when its last byte has.
-One packet can be on its way out and ``queue_packets_max`` can wait; another is dropped. Nothing is
+One packet can be in transmission and ``queue_packets_max`` can wait; another is dropped. Nothing is
 drawn.
 
 Times are in ticks after the present tick. To go on by a tick is to subtract exactly 1, so that
@@ -39,9 +39,9 @@ def build(limit: RateLimit, tick_s: float) -> Transmitter:
 
 
 def idle(transmitter: Transmitter, robots: int) -> Floats:
-    """The queues before the first packet: (N, places) ticks until each packet has left, 0 if free.
+    """The queues before the first packet: (N, slots) ticks until each packet has left, 0 if free.
 
-    Packets stand in no order in a sender's places; the last to leave is the last that came.
+    A sender's packets are in no order in its slots; the one that was last sent leaves last.
     """
     return np.zeros((robots, transmitter.waiting_max + 1))
 

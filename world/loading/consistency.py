@@ -60,8 +60,8 @@ def _team(scenario: Scenario) -> list[str]:
 def _times(scenario: Scenario) -> list[str]:
     if scenario.radio == "direct" and scenario.clock != "wall":
         return [
-            f"radio = 'direct': needs clock = 'wall', not {scenario.clock!r}; robots that hear each"
-            " other over the network hear it when it comes, not when a round is over"
+            f"radio = 'direct': needs clock = 'wall', not {scenario.clock!r}; robots that send to"
+            " each other directly receive at any time, not at the end of a round"
         ]
     return []
 
@@ -114,7 +114,7 @@ def _overlaps(scenario: Scenario) -> list[str]:
             apart, reach = radius + other_radius + STARTING_GAP_M, jitter + other_jitter
             if hypot(x - ox, y - oy) < apart:
                 problems.append(f"{name} = {(x, y)}: overlaps {other} = {(ox, oy)}")
-            # The nearest that two places can come, each moved by its jitter along each axis.
+            # The least distance of two positions, each moved by its jitter along each axis.
             elif hypot(max(0.0, abs(x - ox) - reach), max(0.0, abs(y - oy) - reach)) < apart:
                 problems.append(
                     f"team.jitter_m = {team.jitter_m}: moved by that much,"

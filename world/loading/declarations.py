@@ -111,7 +111,7 @@ def tables_of(model: type[BaseModel]) -> list[type[BaseModel]]:
     tables = [model]
     for table in tables:  # grows as it goes, by each model at most once
         below = [m for f in table.model_fields.values() for m in models_in(f.annotation)]
-        tables += [found for found in dict.fromkeys(below) if found not in tables]
+        tables += [other for other in dict.fromkeys(below) if other not in tables]
     return tables
 
 

@@ -1,8 +1,8 @@
 """What is worth knowing of a scenario before it is run, although it can be run as it is.
 
 A contradiction is refused (``encircle.world.loading.consistency``). A remark is not: a team that
-can never capture is a fine way to study tracking, if that is what was meant. Whoever starts a run
-tells its remarks first, a line each: the commands on standard error, the Python API as a
+can never capture is useful to study tracking. Whoever starts a run
+shows its remarks first, a line each: the commands on standard error, the Python API as a
 ``ScenarioRemark``.
 """
 
@@ -35,7 +35,7 @@ def _who_can_capture(scenario: Scenario) -> list[str]:
 
 
 def _room(scenario: Scenario) -> list[str]:
-    """A capture that takes more robots than find a place around the target."""
+    """A capture that takes more robots than fit around the target."""
     stop_m, needed = scenario.capture.stop_distance_m, max(ROBOTS_MIN, scenario.capture_count)
     most = robots_within_max(stop_m, scenario.team.radius_m, scenario.target.radius_m)
     if needed > most:

@@ -3,7 +3,7 @@
 A trace is a table with a row per packet, in the order of sending: ``lost`` (0 or 1, false or true)
 for loss, ``delay_s`` (seconds, empty where the packet was lost) for delay, and, if each directed
 link has rows of its own, ``sender`` and ``receiver``. Rows in which those two are empty are for
-all links that have none of their own; other columns are passed over. The rows take the place of
+all links that have none of their own; other columns are passed over. The rows replace
 the file's name as the scenario is loaded, so that a resolved scenario, its digest and its
 recording depend on no path.
 """
@@ -54,7 +54,7 @@ def anchored(tree: Any, folder: Path) -> Any:
 
 
 def inlined(tree: Any) -> list[str]:
-    """Put the rows of every trace in the place of its file; returns what is wrong with them."""
+    """Replace the file of every trace by its rows; returns what is wrong with them."""
     problems: list[str] = []
     read: dict[str, Trace] = {}
     for key, table in _tables(tree):
@@ -76,7 +76,7 @@ def inlined(tree: Any) -> list[str]:
             except TraceError as error:
                 problems.append(f"{key}.file: {error}")
         if table.get("model") == "trace":
-            # Something to go on with: what else is wrong is to be found as well.
+            # So that the rest of the scenario is checked as well.
             table.setdefault("values", [0])
     return problems
 
@@ -116,14 +116,14 @@ def rows_of(trace: Trace, sort: str) -> dict[str, Any]:
         elif not ROBOT.fullmatch(receiver) or receiver == sender:
             raise trace.refused(row, "receiver", "another robot, as in r2, or empty if sender is")
         by_link.setdefault((sender, receiver), []).append(value)
-    found: dict[str, Any] = {}
+    table: dict[str, Any] = {}
     if ("", "") in by_link:
-        found["values"] = by_link.pop(("", ""))
+        table["values"] = by_link.pop(("", ""))
     if by_link:
-        found["links"] = [
+        table["links"] = [
             {"sender": s, "receiver": r, "values": own} for (s, r), own in by_link.items()
         ]
-    return found
+    return table
 
 
 def _tables(tree: Any) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -132,14 +132,14 @@ def _tables(tree: Any) -> Iterator[tuple[str, dict[str, Any]]]:
     if not isinstance(channel, dict):
         return
     links = channel.get("links")
-    places = [("channel", channel)]
-    places += [
+    parents = [("channel", channel)]
+    parents += [
         (f"channel.links.{k}", x) for k, x in enumerate(links if isinstance(links, list) else ())
     ]
-    for key, place in places:
+    for key, parent in parents:
         for sort in ("loss", "delay"):
-            if isinstance(place, dict) and isinstance(place.get(sort), dict):
-                yield f"{key}.{sort}", place[sort]
+            if isinstance(parent, dict) and isinstance(parent.get(sort), dict):
+                yield f"{key}.{sort}", parent[sort]
 
 
 def _from_csv(path: Path) -> Trace:
@@ -157,7 +157,7 @@ def _from_csv(path: Path) -> Trace:
             rows.append(line)
     if len(set(header)) < len(header):
         raise TraceError(f"{path}: two columns have one name: {', '.join(header)}")
-    columns = {name: [row[place] for row in rows] for place, name in enumerate(header)}
+    columns = {name: [row[index] for row in rows] for index, name in enumerate(header)}
     return Trace(path, header, columns, len(rows))
 
 
@@ -192,24 +192,24 @@ def _column(trace: Trace, name: str) -> Sequence[Any]:
 
 
 def _losses(trace: Trace) -> list[int]:
-    found = []
+    losses = []
     for row, cell in enumerate(_column(trace, "lost")):
         bit = BITS.get(str(cell).strip().lower())
         if bit is None:
             raise trace.refused(row, "lost", "0 or 1, false or true")
-        found.append(bit)
-    return found
+        losses.append(bit)
+    return losses
 
 
 def _delays(trace: Trace) -> list[float | None]:
-    """Delays in s, None for lost packets; what stands there for one that was lost is not read."""
+    """Delays in s, None for lost packets, whose cells are not read."""
     cells = _column(trace, "delay_s")
     lost = _losses(trace) if "lost" in trace.columns else None
-    found: list[float | None] = []
+    delays_s: list[float | None] = []
     for row, cell in enumerate(cells):
         empty = cell is None or str(cell).strip().lower() in ("", "nan")
         if (lost is None and empty) or (lost is not None and lost[row]):
-            found.append(None)
+            delays_s.append(None)
             continue
         try:
             delay_s = float(cell)
@@ -218,5 +218,5 @@ def _delays(trace: Trace) -> list[float | None]:
         if isnan(delay_s) or not 0.0 <= delay_s <= DELAY_S_MAX:
             empty_if = "" if lost is not None else ", or empty if the packet was lost"
             raise trace.refused(row, "delay_s", f"from 0 to {DELAY_S_MAX:g} s{empty_if}")
-        found.append(delay_s)
-    return found
+        delays_s.append(delay_s)
+    return delays_s

@@ -1,8 +1,8 @@
 """What pydantic finds wrong, in plain sentences: the key, its value, and what would be right.
 
-Every model that reads what a person wrote goes through here, so that there is one place that knows
-pydantic's kinds of error. Its own words are never shown: they speak of Python's types and not of
-the file that is to be mended. Unknown keys come with the known one that is nearest.
+Every model that reads what a person wrote goes through here, so that one module knows
+pydantic's kinds of error. Its own messages are never shown: they name Python's types, and not what
+to change in the file. Unknown keys come with the known one that is nearest.
 """
 
 import types
@@ -64,7 +64,7 @@ PROBLEM_TEXTS: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
 }
 OTHERWISE = "cannot be used here"
 SLIP_LIKENESS_MIN = 0.85
-"""So alike are words that differ by a letter or two."""
+"""The likeness of names that differ by a letter or two."""
 KEY = "[key]"
 """Where pydantic's location of an error ends with this, it is the key before it that is wrong."""
 UNKNOWN_KEY = "unknown key"
@@ -136,10 +136,10 @@ def _value_at(tree: Any, path: Path) -> Any:
 
 
 def _choice(one: Any, path: Path) -> tuple[Path, Any, str]:
-    """One of several words: which is the nearest."""
+    """Path, value and sentence for a value that must be one of several names."""
     context, value = one["ctx"], one["input"]
-    words = context.get("expected_tags") or context["expected"]
-    known = [_bare(word) for word in words.replace(" or ", ", ").split(", ")]
+    names = context.get("expected_tags") or context["expected"]
+    known = [_bare(name) for name in names.replace(" or ", ", ").split(", ")]
     if one["type"] == "union_tag_invalid":
         discriminator = _bare(context["discriminator"])
         path, value = (*path, discriminator), value[discriminator]
@@ -253,5 +253,5 @@ def _items(count: int) -> str:
     return "1 item" if count == 1 else f"{count} items"
 
 
-def _bare(word: str) -> str:
-    return str(word).strip("'\"")
+def _bare(name: str) -> str:
+    return str(name).strip("'\"")
