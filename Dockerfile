@@ -47,7 +47,7 @@ COPY encircle encircle
 RUN pip install --no-cache-dir --no-compile --no-build-isolation --no-deps . \
  && pip uninstall --yes setuptools pip \
  && env --unset=PYTHONDONTWRITEBYTECODE --chdir=/ python -c \
-    "import encircle.cli.hunting, encircle.figures.figures, encircle.studies.command, \
+    "import encircle.cli.hunting, encircle.figures.run_figures, encircle.studies.command, \
      encircle.replay.replaying, encircle.protocol.programs.alive; \
      from encircle.runner.fork_server import preload; preload()"
 

@@ -5,6 +5,7 @@ Compose resolves before it looks at anything, so that is done here. What docker-
 Compose v2 themselves say of the files, and do with them: tests/containers.
 """
 
+import importlib.util
 import json
 import re
 
@@ -56,3 +57,9 @@ def test_nothing_is_there_that_1_29_does_not_know(path):
         assert "develop" not in service
         wanted = service.get("depends_on", {})
         assert all(set(terms) == {"condition"} for terms in wanted.values())
+
+
+def test_the_modules_that_images_compile_are_there():
+    names = set(re.findall(r"encircle(?:\.\w+)+", (ROOT / "Dockerfile").read_text()))
+    assert "encircle.agents.process.robot" in names
+    assert not [name for name in names if importlib.util.find_spec(name) is None]
