@@ -7,7 +7,7 @@ own expression, beside those that it matches, which come and go as if it were no
 import asyncio
 import queue
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import partial
 
@@ -22,7 +22,6 @@ from helpers_security import Lab, free_endpoint
 from helpers_waiting import LONGEST_S, taken, until
 
 from encircle.agents.brain.robot_core import RobotCore
-from encircle.agents.process import world_watch
 from encircle.agents.process.real_time import is_timed
 from encircle.agents.process.robot_runs import RobotRuns
 from encircle.agents.process.world_watch import RobotEnd, WorldWatch
@@ -242,17 +241,38 @@ def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path
     assert hunt.parties[-1].end() == 1
 
 
+class Timers:
+    """The timers of an event loop whose times come when a test says so."""
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[asyncio.Event, Callable[[], None]]] = []
+
+    def call_later(self, _delay_s, call, *arguments):
+        cancelled = asyncio.Event()
+        cancelled.cancel = cancelled.set
+        self._waiting.append((cancelled, partial(call, *arguments)))
+        return cancelled
+
+    def fire(self) -> None:
+        """All that wait now, once."""
+        due, self._waiting = self._waiting, []
+        for cancelled, call in due:
+            if not cancelled.is_set():
+                call()
+
+
 class World:
     """What a robot hears of a world, without one: messages as they would come."""
 
-    def __init__(self, monkeypatch) -> None:
-        monkeypatch.setattr(world_watch, "SUSPICION_S", 0.02)
+    def __init__(self) -> None:
         self.said: list[str] = []
         self.runs = RobotRuns("r1", RUN, self.said.append, rejoins=False)
         self.end = RobotEnd()
         self.watch = WorldWatch(
             self.runs, self.end, self.said.append, "the world", LONGEST_S, LONGEST_S
         )
+        self.timers = Timers()
+        self.watch._loop = self.timers
         self.tick = 0
         setup = Setup("r1", ("r1", "r2"), 0.1, "xi-star", BODIES)
         assert self.runs.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN)) == []
@@ -263,37 +283,36 @@ class World:
         if self.runs.core.receive(key, payload or encode(seen, RUN)):
             self.tick += 1
 
-    async def until_said(self, text: str, ask) -> None:
-        while not any(text in line for line in self.said):
-            ask()
-            await asyncio.sleep(0.001)
+    def ask_again(self, payload: bytes | None = None) -> None:
+        self.ask(payload)
+        self.timers.fire()
 
 
-def test_a_world_without_a_token_that_is_heard_is_there_and_one_that_is_not_is_gone(monkeypatch):
+def test_a_world_without_a_token_that_is_heard_is_there_and_one_that_is_not_is_gone():
     async def live() -> None:
-        world = World(monkeypatch)
+        world = World()
         world.watch.world_changed(False)
-        for _ in range(200):
-            world.ask()
-            await asyncio.sleep(0.001)
+        for _ in range(20):
+            world.ask_again()
         assert world.said == []
         # What anybody may send is no word of the world's.
-        await world.until_said("is gone", partial(world.ask, b"garbage"))
-        await world.until_said("is back", world.ask)
+        world.ask_again(b"garbage")
+        assert "is gone" in world.said[0]
+        world.ask_again()
+        assert "is back" in world.said[1]
+        assert len(world.said) == 2
         world.watch.cancel()
 
     asyncio.run(live())
 
 
-def test_what_anybody_may_send_does_not_keep_a_robot_waiting_for_a_world_for_ever(monkeypatch):
+def test_what_anybody_may_send_does_not_keep_a_robot_waiting_for_a_world_for_ever():
     async def live() -> str:
-        world = World(monkeypatch)
+        world = World()
         world.runs.core.setup = world.runs.core.config = None
-        world.watch._join_s_max = 0.02
         world.watch.await_admission()
-        world.ask(b"garbage")
-        async with asyncio.timeout(LONGEST_S):
-            return await world.end.reason
+        world.ask_again(b"garbage")
+        return world.end.reason.result()
 
     assert "did not take this robot in" in asyncio.run(live())
 
