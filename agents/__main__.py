@@ -15,6 +15,7 @@ import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 
+from encircle.protocol.process.deferred_imports import UNUSED, lazy
 from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say_error
 from encircle.protocol.programs.option_values import name_of, seconds
@@ -57,8 +58,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
     options.add_flag("--quiet", "say only what goes wrong")
     settings = options.parse(arguments)
     # Imported late: a mistyped command need not wait for scipy.
-    from encircle.agents.process.robot import JOIN_S_MAX, WORLD_S_MAX, RobotOptions, run_robot
-    from encircle.protocol.zenoh.configuration import warning
+    with lazy(*UNUSED):
+        from encircle.agents.process.robot import JOIN_S_MAX, WORLD_S_MAX, RobotOptions, run_robot
+        from encircle.protocol.zenoh.configuration import warning
 
     join_s_max = settings.join_timeout or JOIN_S_MAX
     try:

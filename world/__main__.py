@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from encircle.protocol.process.deferred_imports import UNUSED, lazy
 from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say_error
 from encircle.protocol.programs.option_values import name_of, one_of, seconds, whole_number
@@ -38,18 +39,19 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
     settings = options.parse(arguments)
     _check(options, settings)
     # Imported late: a mistyped command need not wait for scipy.
-    from encircle.protocol.process.log import bounded_log
-    from encircle.protocol.zenoh.configuration import warning
-    from encircle.protocol.zenoh.refusals import report_refusals
-    from encircle.world.arena.engine import build
-    from encircle.world.loading.load import load
-    from encircle.world.loading.remarks import remarks_on
-    from encircle.world.process.reports import ConsoleReporter, report_as_json
-    from encircle.world.process.running import run_world
-    from encircle.world.process.server import ANSWER_S_MAX, JOIN_S_MAX, WorldOptions
-    from encircle.world.recording.resuming import read_last, rebuild
-    from encircle.world.recording.run_directory import RunDirectoryError, new_directory
-    from encircle.world.scenario.errors import ScenarioError
+    with lazy(*UNUSED):
+        from encircle.protocol.process.log import bounded_log
+        from encircle.protocol.zenoh.configuration import warning
+        from encircle.protocol.zenoh.refusals import report_refusals
+        from encircle.world.arena.engine import build
+        from encircle.world.loading.load import load
+        from encircle.world.loading.remarks import remarks_on
+        from encircle.world.process.reports import ConsoleReporter, report_as_json
+        from encircle.world.process.running import run_world
+        from encircle.world.process.server import ANSWER_S_MAX, JOIN_S_MAX, WorldOptions
+        from encircle.world.recording.resuming import read_last, rebuild
+        from encircle.world.recording.run_directory import RunDirectoryError, new_directory
+        from encircle.world.scenario.errors import ScenarioError
 
     try:
         where = endpoints_of(settings, CONNECT_S_MAX, name=WORLD)

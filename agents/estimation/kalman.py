@@ -20,10 +20,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.agents.estimation.deferred_imports import deferred
 from encircle.protocol.parameters import Parameters
+from encircle.protocol.process.deferred_imports import UNUSED, deferred, lazy
 
-with deferred("numpy.f2py", "scipy.stats", "scipy.ndimage"):
+with lazy(*UNUSED), deferred("scipy.stats", "scipy.ndimage"):
     from filterpy.common import Q_discrete_white_noise
     from filterpy.kalman import predict, update
 

@@ -11,6 +11,8 @@ import threading
 from pathlib import Path
 from typing import NoReturn
 
+from encircle.protocol.process.deferred_imports import UNUSED, deferred, lazy
+
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -68,8 +70,11 @@ def _paint(asked: int, answer: int) -> NoReturn:
     for number in NUMBERS:
         signal.signal(number, signal.SIG_DFL)
     try:
-        from encircle.figures.drawing import warm_up
-        from encircle.figures.run_figures import picture_of_run
+        # What draws imports the world's physics for its geometry, and never draws a random number.
+        # The world takes the laws of its random numbers from there; a picture needs none.
+        with lazy(*UNUSED), deferred("scipy.special"):
+            from encircle.figures.drawing import warm_up
+            from encircle.figures.run_figures import picture_of_run
 
         warm_up()
         with open(asked, "rb") as request:

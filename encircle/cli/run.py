@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from encircle.cli.painter import Painter
+from encircle.protocol.process.deferred_imports import UNUSED, lazy
 from encircle.protocol.programs.option_values import one_of, seconds, whole_number
 from encircle.protocol.programs.options import Options, variable_of
 from encircle.runner.links import LINKS
@@ -40,7 +41,8 @@ def main(arguments: Sequence[str], program: str) -> int:
 
 def _hunt(settings: Namespace, painter: Painter | None) -> None:
     # Imported late: a mistyped command need not wait for the display.
-    from encircle.cli.hunting import HuntRequest, hunt_and_draw
+    with lazy(*UNUSED):
+        from encircle.cli.hunting import HuntRequest, hunt_and_draw
     from encircle.runner.launch import TIMEOUTS, Timeouts
 
     seed = [] if settings.seed is None else [f"seed={settings.seed}"]

@@ -33,6 +33,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
+from encircle.protocol.process.deferred_imports import UNUSED, lazy
 from encircle.protocol.process.interrupts import NUMBERS, exit_on_signal, exit_process
 
 HEADER = struct.Struct("!Q")
@@ -57,18 +58,19 @@ PROGRAMS = {
 
 def preload() -> None:
     """Import what robots, world and router need when they run."""
-    for name in (
-        "encircle.agents.process.robot",
-        "encircle.protocol.zenoh.configuration",
-        "encircle.protocol.zenoh.liveliness",
-        "encircle.protocol.zenoh.refusals",
-        "encircle.world.loading.load",
-        "encircle.world.loading.remarks",
-        "encircle.world.process.running",
-        "encircle.world.recording.resuming",
-        *(program.module for program in PROGRAMS.values()),
-    ):
-        import_module(name)
+    with lazy(*UNUSED):
+        for name in (
+            "encircle.agents.process.robot",
+            "encircle.protocol.zenoh.configuration",
+            "encircle.protocol.zenoh.liveliness",
+            "encircle.protocol.zenoh.refusals",
+            "encircle.world.loading.load",
+            "encircle.world.loading.remarks",
+            "encircle.world.process.running",
+            "encircle.world.recording.resuming",
+            *(program.module for program in PROGRAMS.values()),
+        ):
+            import_module(name)
 
 
 def main() -> None:

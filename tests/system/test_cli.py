@@ -186,25 +186,33 @@ def test_the_program_starts_without_the_plotting_library():
 
 
 def test_a_robot_imports_only_what_a_robot_uses():
-    code = "import sys, encircle.agents.process.robot; print(*sys.modules)"
+    code = (
+        "import sys\n"
+        "from encircle.protocol.process.deferred_imports import UNUSED, lazy\n"
+        "with lazy(*UNUSED):\n"
+        "    import encircle.agents.process.robot\n"
+        "print(*(m for m, x in sys.modules.items() if type(x).__name__ != '_LazyModule'))"
+    )
     done = completed([sys.executable, "-c", code])
     loaded = set(done.stdout.split())
     assert "filterpy.kalman.kalman_filter" in loaded
     unwanted = {"encircle.world", "encircle.cli", "matplotlib", "pydantic", "mcap", "rich"}
-    assert not (unwanted | {"numpy.f2py", "scipy.stats", "scipy.ndimage"}) & loaded
+    assert not (unwanted | {"numpy.f2py", "numpy.ma", "scipy.stats", "scipy.ndimage"}) & loaded
+    assert "scipy.spatial.transform" not in loaded
 
 
 def test_what_was_postponed_works_when_it_is_used():
     code = (
-        "from encircle.agents.estimation.deferred_imports import deferred\n"
-        "with deferred('numpy.f2py', 'scipy.stats', 'scipy.ndimage'):\n"
+        "from encircle.protocol.process.deferred_imports import UNUSED, deferred, lazy\n"
+        "with lazy(*UNUSED), deferred('scipy.stats', 'scipy.ndimage'):\n"
         "    import filterpy.stats\n"
-        "import numpy, scipy.stats\n"
+        "import numpy, scipy.spatial, scipy.stats\n"
         "print(filterpy.stats.logpdf(1.0, 0.0, 1.0) == scipy.stats.norm.logpdf(1.0))\n"
-        "print(numpy.f2py.__name__)"
+        "print(numpy.f2py.__name__, numpy.ma.masked_invalid([1.0]).sum())\n"
+        "print(scipy.spatial.transform.Rotation.identity().magnitude())"
     )
     done = completed([sys.executable, "-c", code])
-    assert done.stdout.split() == ["True", "numpy.f2py"], done.stderr
+    assert done.stdout.split() == ["True", "numpy.f2py", "1.0", "0.0"], done.stderr
 
 
 @pytest.mark.parametrize(

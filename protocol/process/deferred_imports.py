@@ -1,18 +1,28 @@
-"""Import filterpy without what it never uses here.
+"""Imports that wait until something uses them.
 
 filterpy's package imports all its modules, and two of them import ``scipy.stats`` and
 ``scipy.ndimage``: half of a robot's start-up time and a sixth of its memory, for functions that its
-Kalman steps never call. While filterpy is imported those two are postponed: names taken from them
-are imported for good when they are first used. ``numpy.f2py``, which builds Fortran, is imported by
-scipy's first module because it asks numpy for all its names: a fifth of what is left.
+Kalman steps never call. While filterpy is imported those two are postponed (``deferred``): names
+taken from them are imported for good when they are first used.
+
+scipy's first modules import others that nothing here uses: ``numpy.f2py`` and ``numpy.ma``, because
+scipy asks numpy for all its names, and rotations in space. What is only bound to its name, and no
+name taken from it, can wait by the standard library's own means (``lazy``): a third of the time
+that ``import scipy.optimize`` takes.
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import LazyLoader
 from types import ModuleType
 from typing import Any
+
+UNUSED = ("numpy.f2py", "numpy.ma", "scipy.spatial.transform")
+"""Modules that scipy binds to a name, and that neither it nor a hunt uses."""
 
 
 class _Deferred:
@@ -69,3 +79,34 @@ def deferred(*modules: str) -> Iterator[None]:
             if isinstance(sys.modules.get(name), _DeferredModule):
                 del sys.modules[name]
                 delattr(package, name.rpartition(".")[2])
+
+
+class _LazyFinder(MetaPathFinder):
+    """Finds modules as usual, and has those of these names executed when they are first used."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = names
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname not in self._names:
+            return None
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is not None and isinstance(spec.loader, Loader):
+            spec.loader = LazyLoader(spec.loader)
+        return spec
+
+
+@contextmanager
+def lazy(*modules: str) -> Iterator[None]:
+    """Within this context, importing ``modules`` does not execute them before an attribute is used.
+
+    It stays so after the context: such a module is a whole one for whoever uses it.
+    """
+    finder = _LazyFinder(modules)
+    sys.meta_path.insert(0, finder)
+    try:
+        yield
+    finally:
+        sys.meta_path.remove(finder)
