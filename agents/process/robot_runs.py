@@ -15,7 +15,7 @@ from encircle.protocol.connections import Connection
 from encircle.protocol.endings import is_failure
 from encircle.protocol.errors import ConnectionClosed
 from encircle.protocol.plugins import PluginFailed
-from encircle.protocol.process.log import bounded_log, say_error
+from encircle.protocol.process.log import LineKind, bounded_log, say_error
 from encircle.protocol.process.tracebacks import failure_line
 
 
@@ -69,7 +69,8 @@ class RobotRuns:
             pass
 
     def _report_failure(self, failed: PluginFailed) -> None:
-        say_error(f"robot {failed.who}: {failure_line(failed, self._tracebacks)}")
+        line = f"robot {failed.who}: {failure_line(failed, self._tracebacks)}"
+        say_error(line, kind=LineKind.PLUGIN)
 
     @property
     def accepted(self) -> tuple[int, int]:

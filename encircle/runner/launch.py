@@ -21,8 +21,7 @@ from typing import Any
 
 from encircle.protocol.endings import failure_of, is_failure
 from encircle.protocol.process.interrupts import signals_to
-from encircle.protocol.process.log import printable
-from encircle.protocol.process.tracebacks import TRACEBACK_IN
+from encircle.protocol.process.log import KINDS_VARIABLE, LineKind, kind_and_text, printable
 from encircle.protocol.programs.options import without_settings
 from encircle.runner.nodes import Node, NodesLost, fork_server
 from encircle.world.coordinator.result import Result
@@ -34,6 +33,8 @@ FAILURE_GRACE_S = 1.0
 BAD_CONFIGURATION = 2
 OUTPUT_LINE_BYTES_MAX = 1024 * 1024
 ERROR_LINES_MAX = 200
+ENDING = (LineKind.PROBLEM, LineKind.PLUGIN)
+"""Lines that may tell why a process has ended."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,14 +117,14 @@ class _Launch:
         self.timeouts = timeouts
         self.endpoint = free_endpoint()
         self.processes: dict[str, Node] = {}
-        self._environment = without_settings(os.environ)
+        self._environment = without_settings(os.environ) | {KINDS_VARIABLE: "yes"}
         self._server = fork_server(self._environment)
         self._pipes = ExitStack()
         self._errors: dict[str, asyncio.StreamReader] = {}
         self._reports: asyncio.StreamReader | None = None
         self.result: dict[str, Any] | None = None
         self.tick = 0
-        self.errors: dict[str, list[str]] = {}
+        self.errors: dict[str, list[tuple[LineKind, str]]] = {}
         self.interrupted = ""
         self._loop: asyncio.AbstractEventLoop | None = None
         self.failed: list[str] = []
@@ -262,10 +263,11 @@ class _Launch:
     async def _read_errors(self, name: str) -> None:
         kept = self.errors.setdefault(name, [])
         async for line in self._errors[name]:
-            text = printable(line.decode(errors="replace").rstrip())
+            kind, text = kind_and_text(line.decode(errors="replace").rstrip())
+            text = printable(text)
             if len(kept) < ERROR_LINES_MAX:
-                kept.append(text)
-                if " refused " in text:
+                kept.append((kind, text))
+                if kind is LineKind.REFUSAL:
                     self.report({"log": text})
 
     def stopped(self) -> RunFailed:
@@ -312,7 +314,7 @@ class _Launch:
         departures = tuple((t, robot, what) for t, robot, what in self.result.pop("departures"))
         result = Result(distances_m=distances_m, departures=departures, **self.result)
         if (reason := failure_of(result.ended)) is not None:
-            if failure := self._failure_of_plugins(reason):
+            if failure := self._failure_of_plugins():
                 # Its world waits where it was, but the same would happen again.
                 raise RunFailed(failure)
             if not self.begun and self.failed and self.failed[0] != "world":
@@ -326,19 +328,21 @@ class _Launch:
             raise RunFailed(reason + "".join(how), resumable=self.begun)
         return result, extra
 
-    def _failure_of_plugins(self, reason: str) -> str:
+    def _failure_of_plugins(self) -> str:
         """The line that tells of a plug-in that failed, in the world or in robots, if one has."""
-        if TRACEBACK_IN in reason:
-            return reason
-        found = {
-            robot: line.removeprefix(f"robot {robot}: ")
+        if of_world := self._lines("world", LineKind.PLUGIN):
+            return of_world[-1].removeprefix("world: ")
+        of_robots = {
+            robot: lines[-1].removeprefix(f"robot {robot}: ")
             for robot in self.robots
-            for line in self.errors.get(robot, ())
-            if TRACEBACK_IN in line
+            if (lines := self._lines(robot, LineKind.PLUGIN))
         }
-        first, *others = found or [""]
-        # As a rule robots with the same strategy fail at the same tick.
-        return found.get(first, "") + (f"; likewise {', '.join(others)}" if others else "")
+        first, *others = of_robots or [""]
+        # As a rule robots with the same policy fail at the same tick.
+        return of_robots.get(first, "") + (f"; likewise {', '.join(others)}" if others else "")
+
+    def _lines(self, name: str, *kinds: LineKind) -> list[str]:
+        return [text for kind, text in self.errors.get(name, ()) if kind in kinds]
 
     def _first_failure(self) -> str:
         """Why there is no result at all: what the first process to fail said, or how it ended."""
@@ -346,7 +350,7 @@ class _Launch:
             s_max = self.timeouts.silence_s_max
             return f"the world has said nothing for {s_max:g} s at tick {self.tick}"
         name = "world" if self.begun or not self.failed else self.failed[0]
-        own_lines = [line for line in self.errors.get(name, []) if not _is_transient(line)]
+        own_lines = self._lines(name, *ENDING)
         status = self.processes[name].returncode
         if name == "world" and status is not None and status < 0:
             return f"the world {_ending(status)} at tick {self.tick}"
@@ -357,7 +361,7 @@ class _Launch:
 
     def _robot_ending(self, name: str) -> str:
         """How a robot's process ended; if by itself, with the last that it said, as of an error."""
-        own_lines = [line for line in self.errors.get(name, []) if not _is_transient(line)]
+        own_lines = self._lines(name, *ENDING)
         status = self.processes[name].returncode
         last = (
             f": {own_lines[-1] if own_lines else 'it said nothing'}"
@@ -365,11 +369,6 @@ class _Launch:
             else ""
         )
         return f"robot {name} {_ending(status)}{last}"
-
-
-def _is_transient(line: str) -> bool:
-    """Whether it tells of something that a party goes on after."""
-    return " refused " in line or line.startswith("world: tick ")
 
 
 def _ending(status: int | None) -> str:

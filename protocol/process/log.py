@@ -4,13 +4,43 @@ Names, reasons and errors come from strangers, out of files and from plug-ins. A
 in one of them would let whoever wrote it recolour, overwrite or reorder what a terminal shows, and
 a line break add a line that looks like one of ours. So every shell says what it says by ``say``,
 ``say_error`` or ``bounded_log``, and whatever draws text elsewhere takes it from ``printable``.
+
+A program that starts nodes and reads their standard error sets ``KINDS_VARIABLE`` in their
+environment: then each line begins with what kind of line it is.
 """
 
+import os
 import sys
 from collections.abc import Callable
+from enum import StrEnum
 from unicodedata import category
 
 LINES_MAX = 50
+KINDS_VARIABLE = "ENCIRCLE_LINE_KINDS"
+
+
+class LineKind(StrEnum):
+    """What a line on standard error tells of.
+
+    ``PROBLEM``: what may end the process. ``PLUGIN``: a plug-in that failed. ``REFUSAL``: a message
+    that was refused, and ``EVENT``: what happened to a robot; the process goes on after both.
+    """
+
+    PROBLEM = "problem"
+    PLUGIN = "plug-in"
+    REFUSAL = "refusal"
+    EVENT = "event"
+
+
+_KINDS = {kind.value: kind for kind in LineKind}
+_AFTER_KIND = "\t"
+"""``printable`` leaves no tab in a line."""
+
+
+def kind_and_text(line: str) -> tuple[LineKind, str]:
+    """A line that a node has said, taken apart; what has no kind is a problem, as of Python."""
+    kind, separator, text = line.partition(_AFTER_KIND)
+    return (_KINDS[kind], text) if separator and kind in _KINDS else (LineKind.PROBLEM, line)
 
 
 def printable(text: str) -> str:
@@ -31,22 +61,23 @@ def say(*lines: str) -> None:
         print(printable(line), flush=True)
 
 
-def say_error(*lines: str) -> None:
+def say_error(*lines: str, kind: LineKind = LineKind.PROBLEM) -> None:
     """Lines to standard error."""
+    before = f"{kind}{_AFTER_KIND}" if KINDS_VARIABLE in os.environ else ""
     for line in lines:
-        print(printable(line), file=sys.stderr, flush=True)
+        print(before + printable(line), file=sys.stderr, flush=True)
 
 
 def bounded_log(lines_max: int = LINES_MAX) -> Callable[[str], None]:
-    """A log to standard error that goes silent after so many lines, saying so."""
+    """A log of refusals to standard error, which goes silent after so many lines and says so."""
     left = lines_max
 
     def log(line: str) -> None:
         nonlocal left
         left -= 1
         if left >= 0:
-            say_error(line)
+            say_error(line, kind=LineKind.REFUSAL)
         if left == 0:
-            say_error("further messages are counted but not shown")
+            say_error("further messages are counted but not shown", kind=LineKind.REFUSAL)
 
     return log

@@ -8,7 +8,7 @@ import asyncio
 
 from encircle.protocol import VERSION
 from encircle.protocol.keys import robot_key
-from encircle.protocol.process.log import say_error
+from encircle.protocol.process.log import LineKind, say_error
 from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.round_engine import RoundEngine
@@ -43,7 +43,7 @@ class DepartureReports:
             self._reported += 1
             tick, robot, text = departure.row
             self._report({"departure": [tick, robot, text]})
-            say_error(f"world: tick {tick}: robot {robot} is {text}")
+            say_error(f"world: tick {tick}: robot {robot} is {text}", kind=LineKind.EVENT)
             if departure.cause is DepartureCause.NO_ANSWER:
                 self._version_checks[robot] = asyncio.create_task(
                     asyncio.to_thread(self._check_version, robot)

@@ -16,7 +16,7 @@ from typing import Any
 from encircle.protocol.endings import failure_of, failure_reason, is_failure
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.process.interrupts import signals_to
-from encircle.protocol.process.log import say_error
+from encircle.protocol.process.log import LineKind, say_error
 from encircle.protocol.process.tracebacks import failure_line
 from encircle.protocol.zenoh.connection import ConnectionFailed, ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
@@ -131,7 +131,8 @@ def _finish(server: Server, ended: str, out: Path | None, recorder: Recorder | N
                 result = replace(result, ended=failure_reason(str(error)))
     server.report({"result": asdict(result) | extra})
     if (failure := failure_of(result.ended)) is not None:
-        say_error(f"world: {failure}")
+        by_plugin = core.rounds.plugin_failure is not None
+        say_error(f"world: {failure}", kind=LineKind.PLUGIN if by_plugin else LineKind.PROBLEM)
         return 1
     if not server.options.parent:
         how = "captured" if result.captured else "not captured"

@@ -2,7 +2,14 @@
 
 import pytest
 
-from encircle.protocol.process.log import LINES_MAX, bounded_log
+from encircle.protocol.process.log import (
+    KINDS_VARIABLE,
+    LINES_MAX,
+    LineKind,
+    bounded_log,
+    kind_and_text,
+    say_error,
+)
 
 
 def lines_logged(capsys, log, count):
@@ -33,3 +40,17 @@ def test_logs_count_for_themselves(capsys):
     first, second = bounded_log(1), bounded_log(1)
     lines_logged(capsys, first, 3)
     assert lines_logged(capsys, second, 1)[0] == "line 0"
+
+
+@pytest.mark.parametrize("kind", LineKind)
+def test_a_starter_that_asks_for_it_is_told_what_kind_a_line_is(kind, capsys, monkeypatch):
+    say_error("a\tb", kind=kind)
+    assert capsys.readouterr().err == "a\\tb\n"
+    monkeypatch.setenv(KINDS_VARIABLE, "yes")
+    say_error("a\tb", kind=kind)
+    assert kind_and_text(capsys.readouterr().err.rstrip("\n")) == (kind, "a\\tb")
+
+
+@pytest.mark.parametrize("line", ["Traceback: x", "", "event", "refusals\tx", "\tx"])
+def test_a_line_without_a_kind_is_a_problem(line):
+    assert kind_and_text(line) == (LineKind.PROBLEM, line)
