@@ -93,12 +93,12 @@ def run_processes(
     launch = _Launch(run, robots, report, directory, timeouts or TIMEOUTS)
     with signals_to(launch.interrupt):
         try:
-            found = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
+            outcome = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
         except NodesLost as error:
             raise RunFailed(str(error)) from None
-    if launch.interrupted or found is None:
+    if launch.interrupted or outcome is None:
         raise launch.stopped()
-    return found
+    return outcome
 
 
 class _Launch:

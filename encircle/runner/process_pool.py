@@ -64,13 +64,13 @@ def in_order(
     """
     indices = range(len(jobs))
     tasks = ([(k, jobs[k]) for k in indices[at : at + chunk]] for at in indices[::chunk])
-    found: dict[int, Done] = {}
+    results: dict[int, Done] = {}
     tell(0, len(jobs))
     with signals_held(), closing(in_processes(partial(_each, work), tasks, workers)) as finished:
         for done in finished:
-            found |= done
-            tell(len(found), len(jobs))
-    return [found[index] for index in indices]
+            results |= done
+            tell(len(results), len(jobs))
+    return [results[index] for index in indices]
 
 
 def _each(work: Callable[[Job], Done], jobs: Sequence[tuple[int, Job]]) -> dict[int, Done]:

@@ -57,11 +57,11 @@ class _PluginSources:
 
 def code(plugins: Names = ()) -> str:
     """Digest of everything that has a part in a run's numbers: sources and versions."""
-    found = _found(plugins)
+    sources = _plugin_sources(plugins)
     digest = hashlib.blake2b(digest_size=8)
-    _add(digest, "versions", json.dumps(_versions(found.distributions)).encode())
-    _add(digest, "absent", json.dumps(sorted(found.absent)).encode())
-    for files in (_own_files(), found.files):
+    _add(digest, "versions", json.dumps(_versions(sources.distributions)).encode())
+    _add(digest, "absent", json.dumps(sorted(sources.absent)).encode())
+    for files in (_own_files(), sources.files):
         for name in sorted(files):
             _add(digest, name, files[name].read_bytes())
     return digest.hexdigest()
@@ -69,13 +69,13 @@ def code(plugins: Names = ()) -> str:
 
 def versions(plugins: Names = ()) -> dict[str, str]:
     """Versions of what computes a run's numbers, other people's strategies and targets included."""
-    return _versions(_found(plugins).distributions)
+    return _versions(_plugin_sources(plugins).distributions)
 
 
 def _versions(distributions: Iterable[str]) -> dict[str, str]:
     others = sorted(set(distributions) - set(PACKAGES))
-    found = {name: version(name) for name in (*PACKAGES, *others)}
-    return {"python": platform.python_version(), **found}
+    packages = {name: version(name) for name in (*PACKAGES, *others)}
+    return {"python": platform.python_version(), **packages}
 
 
 def _add(digest: hashlib.blake2b, name: str, content: bytes) -> None:
@@ -94,18 +94,18 @@ def _own_files() -> Files:
     }
 
 
-def _found(plugins: Names) -> _PluginSources:
+def _plugin_sources(plugins: Names) -> _PluginSources:
     """The sources of plug-ins, and of what they import, as far as it is no other distribution's."""
-    found = _PluginSources()
+    sources = _PluginSources()
     owners = packages_distributions() if plugins else {}
     for group, name in plugins:
         plugin = installed(group).get(name)
         if plugin is None:
-            found.absent.add(name)
+            sources.absent.add(name)
             continue
         entry = plugin.entry
         own = {entry.dist.name} if entry.dist is not None else set()
-        found.distributions |= own
+        sources.distributions |= own
         waiting, seen = [entry.module.partition(".")[0]], {OWN} | sys.stdlib_module_names
         while waiting:  # ends: every module is looked at once
             module = waiting.pop()
@@ -114,13 +114,13 @@ def _found(plugins: Names) -> _PluginSources:
             seen.add(module)
             files, theirs = _files_of(module), set(owners.get(module, ()))
             if files is None:
-                found.absent.add(module)
+                sources.absent.add(module)
             elif theirs and not theirs & own and _is_installed(files):
-                found.distributions |= theirs
+                sources.distributions |= theirs
             else:
-                found.files |= files
+                sources.files |= files
                 waiting += [name for path in files.values() for name in _imports(path)]
-    return found
+    return sources
 
 
 def _files_of(module: str) -> Files | None:
@@ -140,19 +140,19 @@ def _files_of(module: str) -> Files | None:
 
 
 def _files_below(folder: Path) -> Iterator[tuple[str, Path]]:
-    """All files below a folder, by their way from it, but for caches and hidden ones."""
-    for place, folders, names in os.walk(folder):
+    """All files below a folder, by their path relative to it, without caches and hidden files."""
+    for directory, folders, names in os.walk(folder):
         folders[:] = [f for f in folders if f not in IGNORED_DIRECTORIES and not f.startswith(".")]
         for name in names:
-            path = Path(place) / name
+            path = Path(directory) / name
             if path.suffix not in COMPILED and not name.startswith(".") and path.is_file():
                 yield path.relative_to(folder).as_posix(), path
 
 
 def _is_installed(files: Files) -> bool:
     """Whether files lie where an installer puts them, and not in somebody's working folder."""
-    places = [Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")]
-    return any(place in path.resolve().parents for path in files.values() for place in places)
+    site_packages = [Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")]
+    return any(site in path.resolve().parents for path in files.values() for site in site_packages)
 
 
 def _imports(path: Path) -> set[str]:
@@ -163,10 +163,10 @@ def _imports(path: Path) -> set[str]:
         tree = ast.parse(path.read_bytes())
     except (SyntaxError, ValueError):
         return set()
-    found = set()
+    names = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            found |= {alias.name.partition(".")[0] for alias in node.names}
+            names |= {alias.name.partition(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            found.add(node.module.partition(".")[0])
-    return found
+            names.add(node.module.partition(".")[0])
+    return names

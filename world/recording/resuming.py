@@ -74,14 +74,14 @@ def read_last(directory: Path) -> Recording:
     error = RecordingError(f"{directory}: there is no recording to go on with")
     for path in attempts(directory):
         try:
-            found = read_recording(path)
+            recording = read_recording(path)
         except RecordingError as unreadable:
             # Of an attempt that broke off at once; another one may have come further.
             error = unreadable
             continue
-        reached = sum(1 for _ in found.of_channel("radio"))
+        reached = sum(1 for _ in recording.of_channel("radio"))
         if reached > rounds:
-            furthest, rounds = found, reached
+            furthest, rounds = recording, reached
     if furthest is None:
         raise error
     return furthest
@@ -164,15 +164,15 @@ def _rounds_of(recording: Recording) -> dict[int, _Round]:
         key = f"encircle/{recording.run}/{topic}"
         try:
             _, robot, channel = parse_key(key)
-            found = rounds.setdefault(tick, _Round())
-            if channel == "observation" and found.lost is None:
-                found.lost = decode(Observation, payload, recording.run).lost
+            a_round = rounds.setdefault(tick, _Round())
+            if channel == "observation" and a_round.lost is None:
+                a_round.lost = decode(Observation, payload, recording.run).lost
             elif channel == "setup" and robot is not None:
-                found.back.add(robot)
+                a_round.back.add(robot)
             elif channel in ("pose", "command") and robot is not None:
-                found.answers.setdefault(robot, []).append((key, payload))
+                a_round.answers.setdefault(robot, []).append((key, payload))
             elif channel == "radio":
-                found.whole = True
+                a_round.whole = True
         except ProtocolError as error:
             raise RecordingError(f"{recording.path}: {topic} of tick {tick}: {error}") from None
     return rounds
@@ -203,17 +203,17 @@ def _check_same(recording: Recording, messages: list[Recorded]) -> None:
 
 def _histories(core: WorldCore, messages: list[Recorded]) -> dict[str, Outgoing]:
     tick, again = core.state.tick, {key for key, _ in core.rounds.unanswered()}
-    found: dict[str, Outgoing] = {robot: [] for robot in core.rounds.table.waiting()}
+    histories: dict[str, Outgoing] = {robot: [] for robot in core.rounds.table.waiting()}
     for sent_tick, key, payload in messages:
         _, robot, channel = parse_key(key)
-        if robot not in found:
+        if robot not in histories:
             continue
         # What belongs to this round is sent with it.
         if channel == "setup" and key not in again:
             setup = replace(decode(Setup, payload, core.run), answer_tick=tick)
-            found[robot] = [(key, encode(setup, core.run))]
+            histories[robot] = [(key, encode(setup, core.run))]
         elif channel == "observation" and sent_tick < tick:
-            found[robot].append((key, payload))
+            histories[robot].append((key, payload))
         elif channel == "setup":
-            found[robot] = []
-    return found
+            histories[robot] = []
+    return histories

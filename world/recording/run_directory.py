@@ -30,8 +30,8 @@ class RunDirectoryError(Exception):
 
 def versions() -> dict[str, str]:
     """Versions of everything that has a part in a run's numbers."""
-    found = {name: version(name) for name in PACKAGES}
-    return {"python": platform.python_version(), "protocol": str(VERSION), **found}
+    packages = {name: version(name) for name in PACKAGES}
+    return {"python": platform.python_version(), "protocol": str(VERSION), **packages}
 
 
 def new_directory(under: Path, scenario_name: str, seed: int) -> Path:

@@ -112,16 +112,15 @@ def test_other_installed_packages_go_by_their_versions(folder):
     )
     result = sources.versions(CHASE)
     assert result["rich"]
-    assert not any(
-        name.startswith(("rich/", "os", "encircle")) for name in sources._found(CHASE).files
-    )
+    files = sources._plugin_sources(CHASE).files
+    assert not any(name.startswith(("rich/", "os", "encircle")) for name in files)
 
 
 def test_relative_and_late_imports_are_followed(folder):
     (folder / "chasers.py").write_text(
         plugins.STRATEGY + "\n\ndef later():\n    import helper_of_chase.deep as d\n    return d\n"
     )
-    assert "helper_of_chase/deep/__init__.py" in sources._found(CHASE).files
+    assert "helper_of_chase/deep/__init__.py" in sources._plugin_sources(CHASE).files
 
 
 def test_only_what_a_study_uses_counts(folder):
