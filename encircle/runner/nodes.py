@@ -91,20 +91,22 @@ class ForkServer:
     """A fork server, and this program's end of the connection to it.
 
     ``environment``: its own; what decides which modules are found holds for its nodes, too.
+    ``boot``: the code that it begins with.
     """
 
-    def __init__(self, environment: Mapping[str, str]) -> None:
+    def __init__(self, environment: Mapping[str, str], boot: str = BOOT) -> None:
         self.owner = os.getpid()
         self._connection, other = socket.socketpair()
         self._numbers = itertools.count()
         self._lock = threading.Lock()
         self._requested: dict[int, Future[Node]] = {}
         self._nodes: dict[int, Node] = {}
+        self._was_asked = False
         self.lost = False
         """Whether it has ended."""
         with other:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-c", BOOT, str(PACKAGE), ROOM],
+                [sys.executable, "-P", "-c", boot, str(PACKAGE), ROOM],
                 stdin=other.fileno(),
                 stdout=subprocess.DEVNULL,
                 env={**environment, **ONE_THREAD},
@@ -138,6 +140,7 @@ class ForkServer:
         future: Future[Node] = Future()
         future.set_running_or_notify_cancel()
         with self._lock:
+            self._was_asked = True
             self._requested[number] = future
         self._send(request, streams)
         return future
@@ -151,6 +154,9 @@ class ForkServer:
         """End it, and every node of it that is still there."""
         with suppress(OSError):
             self._connection.shutdown(socket.SHUT_RDWR)
+        if not self._was_asked:
+            # It has no node, and may have long to go until it sees that its starter is gone.
+            self._process.kill()
         try:
             self._process.wait(END_S_MAX)
         except subprocess.TimeoutExpired:

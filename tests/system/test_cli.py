@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers_commands import command as run_command
 from helpers_waiting import completed
 
 import encircle
@@ -27,7 +28,7 @@ REQUIRED = {
 
 
 def command(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return completed([sys.executable, "-m", "encircle", *arguments], cwd=folder)
+    return run_command(*arguments, folder=folder)
 
 
 def test_run_prints_one_json_object_and_nothing_else_on_standard_output(tmp_path):

@@ -50,6 +50,11 @@ def environment_of(pid: int) -> dict[str, str]:
     return dict(word.split("=", 1) for word in words if "=" in word)
 
 
+def test_one_that_was_asked_for_no_node_is_ended_before_it_has_imported_anything(server):
+    server.close()
+    assert server._process.poll() == -signal.SIGKILL
+
+
 def test_a_node_has_a_session_a_folder_and_a_command_line_of_its_own(server, output, tmp_path):
     node = started(server, output, *NOBODY, free_endpoint(), folder=tmp_path)
     words = Path(f"/proc/{node.pid}/cmdline")

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helpers_commands import command
 from helpers_waiting import LONGEST_S, TIMEOUTS, ample_s, communicated, ended, until
 
 import encircle
@@ -375,9 +376,9 @@ def test_a_worker_with_other_code_is_refused():
 )
 def test_bad_usage_is_one_clear_error_and_writes_nothing(tmp_path, words, message):
     out = tmp_path / "t"
-    status, printed, error = finished(started(words[0], out, *words[1:]))
-    assert status == 2
-    assert printed == ""
-    assert message in " ".join(error.replace("│", " ").split())
-    assert "Traceback" not in error
+    done = command("study", words[0], "--out", str(out), *words[1:], folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert message in " ".join(done.stderr.replace("│", " ").split())
+    assert "Traceback" not in done.stderr
     assert not out.exists()

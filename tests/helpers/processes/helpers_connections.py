@@ -31,4 +31,4 @@ def in_thread(function, *arguments):
 
 
 def received(link, count=1):
-    return [result_of(in_thread(link.receive)) for _ in range(count)]
+    return result_of(in_thread(lambda: [link.receive() for _ in range(count)]))

@@ -6,22 +6,18 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from helpers_commands import ours
-from helpers_paths import ROOT
+from helpers_commands import ours, process_of
 from helpers_waiting import LONGEST_S, completed, ended, until
 
 from encircle.protocol.keys import robot_key
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.protocol.zenoh.liveliness import alive_keys
 from encircle.protocol.zenoh.session import open_session
-from encircle.runner.fork_server import PROGRAMS
-from encircle.runner.nodes import fork_server
 
 _numbers = itertools.count()
 
@@ -110,26 +106,6 @@ class Hosts:
             node.kill()
         for space in reversed(self._spaces):
             subprocess.run(["ip", "netns", "delete", space], check=False, capture_output=True)
-
-
-def process_of(
-    command: Sequence[str], streams: Sequence[IO[bytes]], environment: dict[str, str]
-) -> Any:
-    """A command as a process; a node of ours is forked, which takes a tenth of the time.
-
-    What it is then can do what ``subprocess.Popen`` can.
-    """
-    words = [str(word) for word in command]
-    if words[:2] != [sys.executable, "-m"] or words[2] not in PROGRAMS:
-        stdin, stdout, stderr = streams
-        return subprocess.Popen(
-            words, cwd=ROOT, env=environment, stdin=stdin, stdout=stdout, stderr=stderr
-        )
-    numbers = tuple(stream.fileno() for stream in streams)
-    server = fork_server(environment)
-    node = server.start(words[2], words[3:], numbers, environment, ROOT).result()
-    node.args = words
-    return node
 
 
 class Party:

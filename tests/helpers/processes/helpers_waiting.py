@@ -27,6 +27,8 @@ T = TypeVar("T")
 
 STILL_S_MAX = 120.0
 STEP_S = 0.02
+STEP_S_MIN = 0.001
+"""Of the first look again; what is soon there is not waited for much longer than it takes."""
 LOOK_PERIOD_S = 1.0
 """How often it is looked whether something moves, and the most that counts as waiting from one
 look to the next: the test itself may have been waiting for a turn."""
@@ -45,7 +47,7 @@ def until(happened: Callable[[], T], what: str, progress: Callable[[], object] =
 
     ``progress``: what changes as long as all is well, beside processor time.
     """
-    waited_s, looked_s, seen = 0.0, time.monotonic(), None
+    waited_s, looked_s, seen, step_s = 0.0, time.monotonic(), None, STEP_S_MIN
     while not (found := happened()):
         now_s = time.monotonic()
         if now_s - looked_s >= LOOK_PERIOD_S:
@@ -53,7 +55,8 @@ def until(happened: Callable[[], T], what: str, progress: Callable[[], object] =
             if (now := (progress(), worked_s() // WORK_S)) != seen:
                 waited_s, seen = 0.0, now
             assert waited_s < STILL_S_MAX, f"waited in vain for {what}"
-        time.sleep(STEP_S)
+        time.sleep(step_s)
+        step_s = min(2.0 * step_s, STEP_S)
     return found
 
 

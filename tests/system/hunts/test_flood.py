@@ -11,16 +11,14 @@ import json
 import os
 import random
 import struct
-import subprocess
 from collections import Counter
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import msgpack
 import pytest
-from helpers_commands import ours
+from helpers_commands import ours, process_of
 from helpers_messages import GOLDEN
-from helpers_paths import ROOT
 from helpers_security import ROBOTS
 from helpers_waiting import LONGEST_S, until
 from zenoh import CongestionControl
@@ -86,14 +84,12 @@ class Hunt:
             "world": ("world", scenario, "--json", *where, "--out", self.out),
             **{robot: ("agents", robot, *where) for robot in ROBOTS},
         }
-        with self._said.open("wb") as said:
+        with self._said.open("wb") as said, open(os.devnull, "r+b") as nothing:
             self._processes = {
-                name: subprocess.Popen(
+                name: process_of(
                     ours(*command),
-                    cwd=ROOT,
-                    env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-                    stdout=said if name == "world" else subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
+                    (nothing, said if name == "world" else nothing, nothing),
+                    os.environ,
                 )
                 for name, command in commands.items()
             }
@@ -111,8 +107,9 @@ class Hunt:
     def look(self):
         """Note the memory taken; whether all have ended."""
         for name, process in self._processes.items():
-            status = Path(f"/proc/{process.pid}/status")
-            lines = status.read_text().splitlines() if process.poll() is None else []
+            lines = []
+            with suppress(OSError):  # it has ended, and its starter does not know of it yet
+                lines = Path(f"/proc/{process.pid}/status").read_text().splitlines()
             for line in lines:
                 if line.startswith("VmHWM:"):
                     self.peaks_mib[name] = int(line.split()[1]) / 1024
