@@ -22,6 +22,8 @@ STRATEGIES, TARGETS, MEASURES_GROUP = "encircle.strategies", "encircle.targets",
 GROUPS = (STRATEGIES, TARGETS, MEASURES_GROUP)
 KINDS = {STRATEGIES: "policy", TARGETS: "target behaviour", MEASURES_GROUP: "measure"}
 TARGET = "target"
+SHIPPED_POLICIES = ("xi-star", "xi-0", "xi-1", "xi-3", "pursuit")
+"""Names that every robot has a policy for; a world knows them without looking for plug-ins."""
 OWN = "encircle"
 """The distribution whose entry points are the shipped ones, not plug-ins."""
 TEXT_MAX = 300
@@ -98,8 +100,13 @@ class Plugin:
 
 def installed(group: str) -> dict[str, Plugin]:
     """All entry points of a group by name; of several of one name this program's own."""
-    plugins = [Plugin(group, entry.name, entry) for entry in entry_points(group=group)]
-    return {plugin.name: plugin for plugin in sorted(plugins, key=lambda plugin: plugin.shipped)}
+    plugins: dict[str, Plugin] = {}
+    for entry in entry_points(group=group):
+        plugin = Plugin(group, entry.name, entry)
+        # Whose it is stands in a file that takes long to read.
+        if entry.name not in plugins or plugin.shipped:
+            plugins[entry.name] = plugin
+    return plugins
 
 
 @dataclass(frozen=True, slots=True)

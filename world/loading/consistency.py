@@ -3,13 +3,15 @@
 from math import hypot
 
 from encircle.protocol.parameters import Parameters, Problems
-from encircle.protocol.plugins import STRATEGIES, PluginLoadError, Registry
+from encircle.protocol.plugins import SHIPPED_POLICIES, STRATEGIES, PluginLoadError, Registry
 from encircle.world.loading.channel_consistency import problems_of_radio
 from encircle.world.scenario.fields import ROBOTS_MAX
 from encircle.world.scenario.model import Scenario
 from encircle.world.targets.behaviours import behaviour_named, check_parameters
 
 STARTING_GAP_M = 1e-4
+POLICY_NAMES = Registry(STRATEGIES, dict.fromkeys(SHIPPED_POLICIES))
+"""The functions themselves are the robots'."""
 
 
 def problems_of(scenario: Scenario) -> list[str]:
@@ -69,7 +71,7 @@ def _times(scenario: Scenario) -> list[str]:
 def _names(scenario: Scenario) -> list[str]:
     problems = []
     # The robots would find out, but later, and each by itself.
-    if problem := Registry(STRATEGIES).problem_with(scenario.team.strategy):
+    if problem := POLICY_NAMES.problem_with(scenario.team.strategy):
         problems.append(f"team.strategy = {scenario.team.strategy!r}: {problem}")
     try:
         behaviour = behaviour_named(scenario.target.behaviour)

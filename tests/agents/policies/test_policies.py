@@ -26,7 +26,7 @@ from encircle.agents.policies.policies import (
     xi_3,
 )
 from encircle.protocol.parameters import Parameters
-from encircle.protocol.plugins import STRATEGIES
+from encircle.protocol.plugins import SHIPPED_POLICIES, STRATEGIES
 
 CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
 P = Parameters()
@@ -298,6 +298,7 @@ def test_names_stand_for_the_same_strategies_here_and_as_entry_points():
     declared = project["project"]["entry-points"][STRATEGIES]
     names = {strategy: name for name, strategy in declared.items()}
     assert set(declared) == set(BUILT_IN)
+    assert tuple(BUILT_IN) == SHIPPED_POLICIES
     for name, strategy in BUILT_IN.items():
         assert policy_named(name) is strategy
         module, attribute = declared[name].split(":")
