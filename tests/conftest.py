@@ -1,5 +1,6 @@
 """What holds for every test: a machine may be slow, or busy with something else."""
 
+import multiprocessing
 import os
 
 import pytest
@@ -14,6 +15,19 @@ settings.register_profile(
     "any-machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("any-machine")
+
+
+FORKED = multiprocessing.get_context("forkserver")
+FORKED.set_forkserver_preload(["encircle.studies.tasks", "encircle.paper.reproduce"])
+
+
+@pytest.fixture(autouse=True)
+def forked_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers of a pool that a test itself uses are forked from a process that has imported all.
+
+    Those of commands are fresh interpreters, as ever.
+    """
+    monkeypatch.setattr("encircle.runner.process_pool.get_context", lambda _method: FORKED)
 
 
 @pytest.fixture(autouse=True)

@@ -15,6 +15,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from helpers_commands import ours, started_unheard
 from helpers_hosts import Party, wait_for_robots
 from helpers_paths import DOCS
 from helpers_protocol_page import PAGE, program, section
@@ -132,19 +133,7 @@ def test_the_whole_robot_of_the_page_takes_part_in_a_hunt(tmp_path):
         text=True,
     )
     robots = [
-        subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "encircle.agents",
-                f"r{k}",
-                "--connect",
-                endpoint,
-                "--run",
-                "demo",
-            ],
-            stderr=subprocess.DEVNULL,
-        )
+        started_unheard(ours("agents", f"r{k}", "--connect", endpoint, "--run", "demo"))
         for k in (1, 2, 3)
     ]
     try:

@@ -76,11 +76,21 @@ def process_of(
     return node
 
 
-def command(
-    *arguments: str, folder: Path, environment: Mapping[str, str] | None = None
-) -> "subprocess.CompletedProcess[str]":
+def started_unheard(words: Sequence[str]) -> Any:
+    """``process_of`` where nobody hears what it says."""
+    with open(os.devnull, "r+b") as nothing:
+        return process_of(words, (nothing,) * 3, os.environ)
+
+
+def command(*arguments: str, folder: Path = ROOT) -> "subprocess.CompletedProcess[str]":
     """``encircle`` with these arguments, run to its end in a folder; what it said, as text."""
-    words = ours(COMMAND, *arguments)
+    return run_forked(ours(COMMAND, *arguments), folder)
+
+
+def run_forked(
+    words: Sequence[str], folder: Path = ROOT, environment: Mapping[str, str] | None = None
+) -> "subprocess.CompletedProcess[str]":
+    """``helpers_waiting.completed`` of a command of ours, by ``process_of``."""
     with (
         open(os.devnull, "rb") as nothing,
         tempfile.TemporaryFile() as out,

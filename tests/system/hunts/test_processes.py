@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers_waiting import LONGEST_S, ample_s, communicated, completed, joined, until
+from helpers_commands import ours, run_forked, started_unheard
+from helpers_waiting import LONGEST_S, ample_s, communicated, joined, until
 
 import encircle
 from encircle.protocol.codec import BYTES_MAX, encode
@@ -246,19 +247,7 @@ def test_what_strangers_send_is_refused_counted_and_changes_nothing():
         flood = threading.Thread(target=send_garbage, args=(stranger, stop))
         flood.start()
         robots = [
-            subprocess.Popen(
-                [
-                    sys.executable,
-                    "-m",
-                    "encircle.agents",
-                    f"r{k}",
-                    "--connect",
-                    endpoint,
-                    "--run",
-                    "noisy",
-                ],
-                stderr=subprocess.DEVNULL,
-            )
+            started_unheard(ours("agents", f"r{k}", "--connect", endpoint, "--run", "noisy"))
             for k in range(1, 5)
         ]
         out, _ = communicated(world)
@@ -306,24 +295,16 @@ def send_garbage(link: ZenohConnection, stop: threading.Event) -> None:
 
 
 def test_a_robot_without_a_world_gives_up_with_one_line():
-    done = completed(
-        [
-            *(sys.executable, "-m", "encircle.agents", "r1", "--connect", free_endpoint()),
-            *("--run", "alone", "--join-timeout", "1"),
-        ]
-    )
+    place = ("--connect", free_endpoint(), "--run", "alone")
+    done = run_forked(ours("agents", "r1", *place, "--join-timeout", "1"))
     assert done.returncode == 1
     # On a busy machine it says before that it is connecting.
     assert "cannot connect to tcp/127.0.0.1" in done.stderr.splitlines()[-1]
 
 
 def test_a_world_whose_robots_stay_away_names_them():
-    done = completed(
-        [
-            *(sys.executable, "-m", "encircle.world", "sim1", "--listen", free_endpoint()),
-            *("--run", "empty", "--join-timeout", "1"),
-        ]
-    )
+    place = ("--listen", free_endpoint(), "--run", "empty")
+    done = run_forked(ours("world", "sim1", *place, "--join-timeout", "1"))
     assert done.returncode == 1
     begun, ended = done.stderr.splitlines()
     assert "recording nothing" in begun
@@ -335,9 +316,7 @@ def test_a_port_in_use_is_one_clear_line(tmp_path):
     endpoint = free_endpoint()
     with_port = ZenohConnection(Endpoints(listen=(endpoint,)), "x/*")
     try:
-        done = completed(
-            [sys.executable, "-m", "encircle.world", "sim1", "--listen", endpoint, "--run", "late"]
-        )
+        done = run_forked(ours("world", "sim1", "--listen", endpoint, "--run", "late"))
     finally:
         with_port.close()
     assert done.returncode == 1

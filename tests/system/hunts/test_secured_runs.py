@@ -7,15 +7,14 @@ import itertools
 import json
 import shutil
 import stat
-import sys
 from contextlib import ExitStack
 from datetime import timedelta
 
 import pytest
-from helpers_commands import ours
+from helpers_commands import command, ours, run_forked
 from helpers_hosts import Party
 from helpers_security import ROBOTS, Lab, free_endpoint
-from helpers_waiting import LONGEST_S, ample_s, completed
+from helpers_waiting import LONGEST_S, ample_s
 
 import encircle
 from encircle.runner.launch import free_endpoint as free_tcp_endpoint
@@ -56,7 +55,7 @@ def only(lab, folder, name):
 def failed(*arguments, status=2, **settings):
     """The last line of a command that does not even start."""
     environment = {f"ENCIRCLE_{name.upper()}": str(value) for name, value in settings.items()}
-    done = completed(ours(*arguments), env=environment)
+    done = run_forked(ours(*arguments), environment=environment)
     assert done.returncode == status, done.stderr
     return done.stderr.splitlines()[-1]
 
@@ -150,7 +149,7 @@ def test_what_is_wrong_with_certificates_is_said_at_the_start(lab, tmp_path, nod
 
 
 def certificates(*arguments):
-    return completed([sys.executable, "-m", "encircle", "certificates", *arguments])
+    return command("certificates", *arguments)
 
 
 def test_certificates_are_made_once(tmp_path):

@@ -1,12 +1,11 @@
 """Remarks on scenarios that can be run but may not be what was meant; and that they are told."""
 
 import json
-import subprocess
 import warnings
 from pathlib import Path
 
 import pytest
-from helpers_commands import ours
+from helpers_commands import ours, run_forked
 
 import encircle
 from encircle.runner.memory import run_in_memory
@@ -148,13 +147,7 @@ def test_the_python_api_of_studies_warns(tmp_path):
 
 
 def said(folder, *arguments):
-    done = subprocess.run(
-        ours(*arguments),
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        check=False,
-    )
+    done = run_forked(ours(*arguments), folder)
     lines = [line for line in done.stderr.splitlines() if NEVER in line]
     return done, lines
 
