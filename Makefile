@@ -26,6 +26,8 @@ OR_NONE = || [ $$? -eq 5 ]
 MEASURED = --deselect tests/system/test_interrupts.py::test_in_the_first_moment_it_is_one_line \
   --deselect tests/system/test_interrupts.py::test_at_any_time_it_ends_with_a_line_and_leaves_nothing
 REALTIME = -n 0 -m 'realtime and not nightly and not hosts'
+# Tests start hundreds of processes. Each would compile what it imports, if bytecode were not kept.
+export PYTHONDONTWRITEBYTECODE :=
 # A test that takes longer hangs, however slow and busy the machine is.
 HANG_S := 7200
 

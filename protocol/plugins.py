@@ -7,11 +7,14 @@ comes before plug-ins of the same name.
 """
 
 import reprlib
+import sys
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from math import nan
+from pathlib import Path
 from typing import Any
 
 from encircle.protocol.messages import Point
@@ -100,6 +103,13 @@ class Plugin:
 
 def installed(group: str) -> dict[str, Plugin]:
     """All entry points of a group by name; of several of one name this program's own."""
+    return dict(_installed(group, _search_path_state()))
+
+
+@lru_cache(maxsize=16)
+def _installed(group: str, _: tuple[tuple[int, ...], ...]) -> dict[str, Plugin]:
+    # Each search reads files of every distribution, which takes 10 ms; a study loads a scenario for
+    # each of its cells.
     plugins: dict[str, Plugin] = {}
     for entry in entry_points(group=group):
         plugin = Plugin(group, entry.name, entry)
@@ -107,6 +117,18 @@ def installed(group: str) -> dict[str, Plugin]:
         if entry.name not in plugins or plugin.shipped:
             plugins[entry.name] = plugin
     return plugins
+
+
+def _search_path_state() -> tuple[tuple[int, ...], ...]:
+    """Which directories are searched, and when a distribution last came into or left each."""
+    states = []
+    for directory in sys.path:
+        try:
+            status = Path(directory).stat()
+        except OSError:
+            continue
+        states.append((status.st_dev, status.st_ino, status.st_mtime_ns))
+    return tuple(states)
 
 
 @dataclass(frozen=True, slots=True)

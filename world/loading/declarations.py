@@ -9,7 +9,8 @@ import ast
 import inspect
 import textwrap
 import types
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
@@ -70,7 +71,8 @@ def keys_of_robot(names: Sequence[str]) -> list[DeclaredKey]:
     ]
 
 
-def field_docstrings(declaring: type[Any]) -> dict[str, str]:
+@cache
+def field_docstrings(declaring: type[Any]) -> Mapping[str, str]:
     """The docstrings below a class's fields, by field; of a class made at run time there are none.
 
     Python does not keep them, so they are read from the source.

@@ -8,6 +8,7 @@ import os
 import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,17 @@ class RunDirectoryError(Exception):
 
 def versions() -> dict[str, str]:
     """Versions of everything that has a part in a run's numbers."""
-    packages = {name: version(name) for name in PACKAGES}
-    return {"python": platform.python_version(), "protocol": str(VERSION), **packages}
+    return {
+        "python": platform.python_version(),
+        "protocol": str(VERSION),
+        **{name: _version(name) for name in PACKAGES},
+    }
+
+
+@cache
+def _version(package: str) -> str:
+    # What this process has imported stays as it is, whatever is installed meanwhile.
+    return version(package)
 
 
 def new_directory(under: Path, scenario_name: str, seed: int) -> Path:

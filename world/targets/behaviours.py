@@ -162,7 +162,9 @@ def check_parameters(behaviour: Behaviour, parameters: Mapping[str, Any]) -> Non
     ``ValueError`` if those cannot be understood.
     """
     try:
-        model = parameters_of(behaviour)
+        # Functions are hashable; other people's callables may not be.
+        is_function = inspect.isfunction(behaviour)
+        model = _parameters_of_function(behaviour) if is_function else parameters_of(behaviour)
     except Exception as error:
         # They are other people's code.
         raise ValueError(f"its parameters cannot be understood: {error_line(error)}") from None
@@ -182,6 +184,9 @@ def parameters_of(behaviour: Behaviour) -> type[BaseModel]:
         if p.kind is p.KEYWORD_ONLY
     }
     return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **wanted)
+
+
+_parameters_of_function = lru_cache(maxsize=64)(parameters_of)
 
 
 def _step(heading_rad: float, length_m: float) -> Point:
