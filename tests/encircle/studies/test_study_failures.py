@@ -36,6 +36,11 @@ def never(view):
 '''
 
 
+@pytest.fixture(autouse=True)
+def forked_workers():
+    """The policy's mood stands in the environment, which only fresh interpreters take over."""
+
+
 @pytest.fixture(autouse=True, scope="module")
 def installed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plugins")

@@ -10,6 +10,7 @@ import itertools
 import json
 import os
 import random
+import signal
 import struct
 from collections import Counter
 from contextlib import ExitStack, suppress
@@ -104,6 +105,13 @@ class Hunt:
     def tick(self):
         return max((report.get("tick", -1) for report in self.reports()), default=-1)
 
+    def freeze(self):
+        """Have the lock-step hunt wait for a robot."""
+        self._processes[ROBOTS[-1]].send_signal(signal.SIGSTOP)
+
+    def thaw(self):
+        self._processes[ROBOTS[-1]].send_signal(signal.SIGCONT)
+
     def look(self):
         """Note the memory taken; whether all have ended."""
         for name, process in self._processes.items():
@@ -174,6 +182,8 @@ def flood(hunt, identity=None):
     access = Endpoints(connect=(hunt.endpoint,), identity=identity)
     link = ZenohConnection(access, robot_key(RUN, "nobody", "*"))
     sent, keys = 0, Counter()
+    # However slowly this process gets to send, the hunt does not end before a part of the flood.
+    hunt.freeze()
     try:
         for key in itertools.cycle(KEYS):
             link.session.put(key, small(draws), congestion_control=CongestionControl.BLOCK)
@@ -188,6 +198,8 @@ def flood(hunt, identity=None):
                 link.session.delete(key, congestion_control=CongestionControl.BLOCK)
                 keys[key] += 1
             sent += 1
+            if sent == SMALL // 4:
+                hunt.thaw()
             over = sent % LOOK_EVERY == 0 and hunt.look()
             if over or sent == SMALL:
                 # To close before that would lose the end.
