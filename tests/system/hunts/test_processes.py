@@ -21,6 +21,7 @@ from encircle.protocol.messages import Command, End, Pose
 from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.replay.replaying import replay
+from encircle.runner import launch
 from encircle.runner.launch import RunFailed, free_endpoint
 from encircle.world.recording.recording import read_recording
 
@@ -182,13 +183,18 @@ def test_a_process_that_dies_ends_the_run_with_a_line_that_names_it(running, vic
     assert check.ticks > 10
 
 
-def test_a_robot_that_dies_before_the_run_has_begun_is_named():
-    def kill(report: dict[str, Any]) -> None:
-        if "started" in report:
-            os.kill(report["started"]["r1"], signal.SIGKILL)
+def test_a_robot_that_dies_before_the_run_has_begun_is_named(monkeypatch):
+    start = launch._Launch._start
 
+    async def start_and_kill(self, name, *arguments):
+        """The world starts after r1, so that no run can have begun with it."""
+        await start(self, name, *arguments)
+        if name == "r1":
+            os.kill(self.processes["r1"].pid, signal.SIGKILL)
+
+    monkeypatch.setattr(launch._Launch, "_start", start_and_kill)
     with pytest.raises(RunFailed, match="robot r1 was killed by SIGKILL"):
-        encircle.run("sim1", progress=kill)
+        encircle.run("sim1", start_order=("r1", "world", "r2", "r3", "r4"))
 
 
 def test_ctrl_c_ends_the_run_in_order(running):
