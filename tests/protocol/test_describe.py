@@ -29,7 +29,7 @@ def test_a_row_that_is_missing_or_wrong_is_written_anew_and_the_rest_stays(kind)
 
 
 def test_a_page_without_a_place_for_a_table_is_refused():
-    with pytest.raises(ValueError, match="0 places for the fields of Setup"):
+    with pytest.raises(ValueError, match="0 places for <!-- fields of Setup"):
         describe.current("# The wire\n")
 
 

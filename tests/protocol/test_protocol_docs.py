@@ -115,19 +115,10 @@ def test_the_whole_robot_of_the_page_takes_part_in_a_hunt(tmp_path):
     script.write_text(program("A whole robot"))
     endpoint = free_endpoint()
     world = subprocess.Popen(
-        [
-            *(
-                sys.executable,
-                "-m",
-                "encircle.world",
-                "sim1",
-                "--listen",
-                endpoint,
-                "--run",
-                "demo",
-            ),
+        ours(
+            *("world", "sim1", "--listen", endpoint, "--run", "demo"),
             *("--set", "ticks_max=40", "--json"),
-        ],
+        ),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -3,9 +3,8 @@
     python -m encircle.world.loading.describe            is the page current? exit status 1 if not
     python -m encircle.world.loading.describe --write    make it so
 
-A table stands between two comments, of which the first names what it is of. Whatever else is on
-the page is written by hand. The page must have every table of a scenario, the parameters of every
-target behaviour and those of the robots.
+The first comment of a table names what it is of. The page must have every table of a scenario, the
+parameters of every target behaviour and those of the robots.
 """
 
 import inspect
@@ -14,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from encircle.protocol.parameters import BODIES, declared
-from encircle.protocol.process.log import say, say_error
+from encircle.protocol.programs.generated_pages import check_or_write, with_parts
 from encircle.world.loading.declarations import (
     DeclaredKey,
     keys_of_model,
@@ -49,13 +48,7 @@ def sections() -> dict[str, str]:
 
 def current(page: str) -> str:
     """The page with its tables as the declarations have them; ``ValueError`` for one without."""
-    for name, text in sections().items():
-        begin = _BEGIN.format(name)
-        before, *rest = page.split(begin)
-        if len(rest) != 1 or _END not in rest[0]:
-            raise ValueError(f"{len(rest)} places for the keys of {name}, 1 is needed")
-        page = before + begin + text + rest[0][rest[0].index(_END) :]
-    return page
+    return with_parts(page, {_BEGIN.format(k): text for k, text in sections().items()}, _END)
 
 
 def _section(docstring: str | None, keys: Sequence[DeclaredKey]) -> str:
@@ -72,24 +65,7 @@ def _section(docstring: str | None, keys: Sequence[DeclaredKey]) -> str:
 
 def main(arguments: list[str]) -> int:
     """Check the page, or write it; the exit status."""
-    if arguments not in ([], ["--write"]):
-        say_error(f"usage: {_COMMAND} [--write]")
-        return 2
-    try:
-        text = PAGE.read_text(encoding="utf-8")
-        described = current(text)
-    except (OSError, ValueError) as error:
-        say_error(f"{PAGE}: {error}")
-        return 1
-    if described == text:
-        say(f"{PAGE} is current")
-        return 0
-    if not arguments:
-        say_error(f"{PAGE} is not current: run {_COMMAND} --write")
-        return 1
-    PAGE.write_text(described, encoding="utf-8")
-    say(f"{PAGE} is written")
-    return 0
+    return check_or_write(PAGE, current, _COMMAND, arguments)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from pathlib import Path
 import msgpack
 import pytest
 from helpers_commands import ours, process_of
+from helpers_hunt import LONG
 from helpers_messages import GOLDEN
 from helpers_security import ROBOTS
 from helpers_waiting import LONGEST_S, until
@@ -39,15 +40,7 @@ from encircle.world.recording.recording import read_recording
 
 RUN = "flooded"
 TICKS = 800
-SCENARIO = {
-    "ticks_max": TICKS,
-    "team": {"robots": 4, "sensing_range_m": 500.0},
-    "target": {
-        "behaviour": "patrol",
-        "parameters": {"waypoints": [[60, 0], [60, 60], [0, 60], [0, 0]]},
-        "step_m_max": 0.5,
-    },
-}
+SCENARIO = LONG | {"ticks_max": TICKS}
 SMALL, LARGE_EVERY, DELETE_EVERY, LOOK_EVERY = 20_000, 200, 100, 250
 GROWTH_MIB_MAX = 64
 KEYS = (

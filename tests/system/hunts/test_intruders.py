@@ -10,6 +10,7 @@ from datetime import timedelta
 
 import pytest
 from helpers_hosts import Party
+from helpers_hunt import LONG
 from helpers_security import REFUSED_S_MAX, ROBOTS, Lab, free_endpoint
 from helpers_waiting import LONGEST_S
 
@@ -21,15 +22,7 @@ from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.protocol.zenoh.endpoints import ConnectionFailed, Endpoints
 
 TICKS = 1500
-LONG = {
-    "ticks_max": TICKS,
-    "team": {"robots": 4, "sensing_range_m": 500.0},
-    "target": {
-        "behaviour": "patrol",
-        "parameters": {"waypoints": [[60, 0], [60, 60], [0, 60], [0, 0]]},
-        "step_m_max": 0.5,
-    },
-}
+SCENARIO = LONG | {"ticks_max": TICKS}
 """A hunt that lasts some seconds, long enough for all that follows: the target is too fast."""
 UNDER_WAY_TICK = 20
 COUNTING_ROUTER = """
@@ -103,7 +96,7 @@ def forgeries() -> list[tuple[str, bytes]]:
 
 
 def test_intruders_are_refused_and_counted_and_change_nothing(lab, started, tmp_path):
-    scenario = written(LONG, tmp_path)
+    scenario = written(SCENARIO, tmp_path)
     endpoint = free_endpoint("tls")
     config = lab.listening("router", endpoint, "router")
     router = started("router", "-c", COUNTING_ROUTER, "--zenoh-config", str(config))
@@ -138,7 +131,7 @@ def test_intruders_are_refused_and_counted_and_change_nothing(lab, started, tmp_
 
 
 def test_a_world_that_is_connected_to_directly_holds_the_rules_itself(lab, started, tmp_path):
-    scenario = written(LONG | {"ticks_max": TICKS // 2}, tmp_path)
+    scenario = written(SCENARIO | {"ticks_max": TICKS // 2}, tmp_path)
     endpoint = free_endpoint("tls")
     world, robots = hunt(lab, started, scenario, endpoint, lab.listening("world", endpoint, "peer"))
     world.wait_for_tick(UNDER_WAY_TICK)

@@ -14,6 +14,7 @@ from contextlib import ExitStack
 
 import pytest
 from helpers_hosts import Party
+from helpers_hunt import LONG
 from helpers_paths import STRANGER
 from helpers_security import ROBOTS, Lab, free_endpoint
 from helpers_waiting import ample_s, until
@@ -24,15 +25,7 @@ from encircle.protocol.keys import robot_key, world_key
 ONLOOKER = STRANGER / "onlooker.py"
 RUN = "watched"
 TICKS = 500
-SCENARIO = {
-    "ticks_max": TICKS,
-    "team": {"robots": 4, "sensing_range_m": 500.0},
-    "target": {
-        "behaviour": "patrol",
-        "parameters": {"waypoints": [[60, 0], [60, 60], [0, 60], [0, 0]]},
-        "step_m_max": 0.5,
-    },
-}
+SCENARIO = LONG | {"ticks_max": TICKS}
 BY_CLOCK = ("clock=wall", "tick_s=0.005")
 SMALL = {
     "transport": {

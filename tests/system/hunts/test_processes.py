@@ -228,19 +228,10 @@ def test_what_strangers_send_is_refused_counted_and_changes_nothing():
     expected = encircle.run("sim1", link="memory", overrides=["target.step_m_max=0.29"]).digest
     endpoint = free_endpoint()
     world = subprocess.Popen(
-        [
-            *(
-                sys.executable,
-                "-m",
-                "encircle.world",
-                "sim1",
-                "--listen",
-                endpoint,
-                "--run",
-                "noisy",
-            ),
+        ours(
+            *("world", "sim1", "--listen", endpoint, "--run", "noisy"),
             *("--set", "target.step_m_max=0.29", "--json"),
-        ],
+        ),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -99,4 +99,4 @@ def test_the_command_checks_and_writes(tmp_path, monkeypatch, capsys):
     assert main(["--read"]) == 2
     PAGE.write_text("# Nothing\n", encoding="utf-8")
     assert main(["--write"]) == 1
-    assert "0 places for the keys of Scenario" in capsys.readouterr().err
+    assert "0 places for <!-- keys of Scenario" in capsys.readouterr().err
