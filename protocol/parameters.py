@@ -188,6 +188,8 @@ class Parameters:
 
 BODIES = ("radius_m", "target_radius_m", "step_m_max", "sensing_range_m", "stop_distance_m")
 """Parameters that every setup holds: they follow from the scenario's team, target and capture."""
+SET_BY_ROBOT_KEYS = tuple(f.name for f in fields(Parameters) if f.name not in BODIES)
+"""Those that a scenario sets under ``robot``."""
 
 
 class Parameter(NamedTuple):

@@ -73,7 +73,7 @@ class PluginFailed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """An entry point. ``value``: ``module:attribute``; ``source``: that, and whose it is."""
+    """An entry point."""
 
     group: str
     name: str

@@ -72,9 +72,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
                 recording.run,
                 settings.resume,
             )
-        where = replace(
-            where, direct_radio=scenario.radio == "direct", message_bytes_max=TAKEN_BYTES_MAX
-        )
+        where = replace(where, direct_radio=scenario.is_direct, message_bytes_max=TAKEN_BYTES_MAX)
         arena = build(scenario, scenario.seed)
         if resumed is None and settings.runs is not None:
             settings.out = new_directory(settings.runs, settings.scenario, scenario.seed)

@@ -7,7 +7,7 @@ compare them with.
 from collections.abc import Iterable
 
 from encircle.agents.brain.brain import RobotConfig, indices_of
-from encircle.protocol.messages import QUANTUM_M, Observation, Setup
+from encircle.protocol.messages import QUANTUM_M, Observation, PoseCarrier, Setup
 
 
 def problem_of(observation: Observation, setup: Setup, config: RobotConfig) -> str | None:
@@ -31,7 +31,7 @@ def _problem_by_clock(observation: Observation, setup: Setup, config: RobotConfi
     answered, admitted = observation.answered, observation.admitted
     if answered is not None and not setup.first_tick <= answered < observation.tick:
         return f"answered {answered}, must be from {setup.first_tick} to {observation.tick - 1}"
-    if admitted is not None and setup.radio != "direct":
+    if admitted is not None and setup.radio != PoseCarrier.DIRECT:
         return f"admitted must be null where the radio is {setup.radio!r}"
     return _misnamed("admitted", [sender for sender, _ in admitted or ()], config, ordered=False)
 

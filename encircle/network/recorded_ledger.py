@@ -34,7 +34,7 @@ def ledger_of(recording: Recording) -> MessageLedger:
             f"{recording.path}: clock = {scenario.clock!r}: in lock-step no clock is involved,"
             " so there is nothing to measure; run with --set clock=wall"
         )
-    ledger = MessageLedger(scenario.ids, scenario.tick_s, scenario.radio == "direct", ROWS_MAX)
+    ledger = MessageLedger(scenario.ids, scenario.tick_s, scenario.is_direct, ROWS_MAX)
     for (tick, topic, payload), at_us in zip(recording.messages, recording.logged_us, strict=True):
         robot, channel = topic.split("/")[-2:]
         if channel in ("setup", "observation", "pose", "command") and robot not in scenario.ids:

@@ -36,7 +36,7 @@ from encircle.protocol.process.log import printable
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import remarks_on
 from encircle.world.scenario.errors import ScenarioError
-from encircle.world.scenario.fields import shown
+from encircle.world.scenario.fields import SEED_END, shown
 from encircle.world.scenario.model import Scenario
 
 CELLS_MAX = 100_000
@@ -74,7 +74,7 @@ def _validated_seeds(value: Any) -> Any:
     if isinstance(value, list | tuple):
         good = (
             0 < len(value) <= SEEDS_MAX
-            and all(type(seed) is int and 0 <= seed < 2**63 for seed in value)
+            and all(type(seed) is int and 0 <= seed < SEED_END for seed in value)
             and len(set(value)) == len(value)
         )
     else:

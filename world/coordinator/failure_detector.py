@@ -11,7 +11,7 @@ reminders until they send something. Robots that the scenario itself takes away 
 from collections.abc import Mapping, Sequence
 
 from encircle.protocol.errors import OutOfTurn, ProtocolError
-from encircle.protocol.keys import parse_key, robot_key
+from encircle.protocol.keys import parse_key
 from encircle.world.coordinator.incoming import read_answer
 from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.outgoing import Outgoing
@@ -73,12 +73,8 @@ class FailureDetector:
         self._present.add(robot)
         if self.begun or self._histories is None:
             return self._readmit(robot)
-        own_key = robot_key(self._core.run, robot, "")
-        unanswered = self._rounds.unanswered()
-        return [
-            *self._histories.get(robot, ()),
-            *(message for message in unanswered if message[0].startswith(own_key)),
-        ]
+        waiting = [robot] if robot in self._rounds.table.waiting() else []
+        return [*self._histories.get(robot, ()), *self._rounds.open_round.messages_to(waiting)]
 
     def token_vanished(self, robot: str) -> Outgoing:
         """A robot's token is gone."""

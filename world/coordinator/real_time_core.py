@@ -45,7 +45,7 @@ class RealTimeWorldCore:
         self.run = run
         self.rounds = RoundEngine(arena, run, log)
         self.answers = RealTimeAnswers(arena.ids, run, scenario.team.hold_ticks_max)
-        self.ledger = MessageLedger(arena.ids, scenario.tick_s, scenario.radio == "direct")
+        self.ledger = MessageLedger(arena.ids, scenario.tick_s, scenario.is_direct)
         self.now_us = 0
         self.clock: Callable[[], int] | None = None
         self.arrivals = Arrivals(self.rounds.table, self.answers, self.ledger, run)

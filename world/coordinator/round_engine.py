@@ -165,7 +165,7 @@ class RoundEngine:
         state, scenario, count = self.state, self.arena.scenario, len(self.arena.ids)
         packets = self.journal.packets.totals(state)
         requested = requested_delay(scenario.channel, scenario.ids)
-        mean, direct = packets.delay_ticks_mean, scenario.radio == "direct"
+        mean, direct = packets.delay_ticks_mean, scenario.is_direct
         return Result(
             state.captured,
             state.tick if state.captured else None,

@@ -60,7 +60,7 @@ def _team(scenario: Scenario) -> list[str]:
 
 
 def _times(scenario: Scenario) -> list[str]:
-    if scenario.radio == "direct" and scenario.clock != "wall":
+    if scenario.is_direct and scenario.clock != "wall":
         return [
             f"radio = 'direct': needs clock = 'wall', not {scenario.clock!r}; robots that send to"
             " each other directly receive at any time, not at the end of a round"

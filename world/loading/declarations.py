@@ -17,10 +17,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from encircle.protocol.parameters import Parameters, Range, Unit, declared
+from encircle.world.scenario.fields import SEED_END, models_in
 
 BOUNDS = {"ge": "from {}", "gt": "above {}", "le": "to {}", "lt": "below {}"}
 """What pydantic's marks of a range are called, and what they say."""
-SEED_END = 2**63
 TYPE_TEXTS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 
 
@@ -99,15 +99,6 @@ def one_line(text: str) -> str:
     return " ".join(text.split()).replace("``", "`")
 
 
-def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The models of which an annotation's value can be, or hold some."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    elif get_origin(annotation) is not Literal:
-        for part in get_args(annotation):
-            yield from models_in(part)
-
-
 def tables_of(model: type[BaseModel]) -> list[type[BaseModel]]:
     """A model and every model below it, once."""
     tables = [model]
@@ -177,13 +168,13 @@ def _range_text(marks: Iterator[Any]) -> str:
     low = high = ""
     for mark in marks:
         if isinstance(mark, Range):
-            low, high = f"from {_toml(mark.low)}", f"to {_toml(mark.high)}"
+            low, high = f"from {_range_end(mark.low)}", f"to {_range_end(mark.high)}"
         for bound, text in BOUNDS.items():
             value = getattr(mark, bound, None)
             if value is not None and bound[0] == "g":
-                low = text.format(_toml(value))
+                low = text.format(_range_end(value))
             elif value is not None:
-                high = text.format(_toml(value))
+                high = text.format(_range_end(value))
     return " ".join(part for part in (low, high) if part).replace(" below", ", below")
 
 
@@ -195,8 +186,15 @@ def _toml(value: Any) -> str:
         return f'`"{value}"`'
     if isinstance(value, tuple):
         return f"`[{', '.join(_toml(item) for item in value)}]`".replace("``", "`")
+    if isinstance(value, bool):
+        return str(value).lower()
+    if abs(value) >= 10_000:
+        return f"{value:_.0f}"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _range_end(value: Any) -> str:
+    """A bound for people: large numbers with commas."""
     if value == SEED_END:
         return "2^63"
-    if abs(value) >= 10_000:
-        return f"{value:,.0f}"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:,.0f}" if abs(value) >= 10_000 else _toml(value)

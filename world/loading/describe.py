@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from encircle.protocol.parameters import BODIES, declared
+from encircle.protocol.parameters import SET_BY_ROBOT_KEYS
 from encircle.protocol.programs.generated_pages import check_or_write, with_parts
 from encircle.world.loading.declarations import (
     DeclaredKey,
@@ -37,8 +37,7 @@ def sections() -> dict[str, str]:
         model.__name__: _section(model.__doc__, keys_of_model(model))
         for model in tables_of(Scenario)
     }
-    robot = keys_of_robot([name for name in declared() if name not in BODIES])
-    texts["robot"] = _section(None, robot)
+    texts["robot"] = _section(None, keys_of_robot(SET_BY_ROBOT_KEYS))
     texts |= {
         f"behaviour {name}": _section(behaviour.__doc__, keys_of_model(parameters_of(behaviour)))
         for name, behaviour in BUILT_IN.items()

@@ -4,14 +4,14 @@ Unknown keys, values out of range and contradictions are refused, all of them at
 key and its value.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from encircle.protocol.parameters import BODIES, Parameters
+from encircle.protocol.parameters import SET_BY_ROBOT_KEYS
 from encircle.world.loading.consistency import problems_of
 from encircle.world.loading.files import copied, override, read
 from encircle.world.loading.trace_files import inlined
@@ -21,7 +21,9 @@ from encircle.world.scenario.validation import Path as KeyPath
 from encircle.world.scenario.validation import problems_in
 
 PROBLEMS_SHOWN_MAX = 100
-ROBOT_KEYS = tuple(f"robot.{f.name}" for f in fields(Parameters) if f.name not in BODIES)
+START = "team: "
+"""What begins the problem that there are neither robots nor positions."""
+ROBOT_KEYS = tuple(f"robot.{name}" for name in SET_BY_ROBOT_KEYS)
 """Keys that the model does not know of: it takes the robots' parameters as they are."""
 
 
@@ -65,12 +67,9 @@ def _further_problems(tree: Mapping[str, Any], refused: Iterable[KeyPath]) -> li
         except ValidationError:
             continue
         # What is wrong now with the same table may follow from what was left out.
-        tables = {".".join(map(str, path[: max(2, len(path) - 1)])) for path in paths}
-        return [
-            line
-            for line in problems
-            if "give either" not in line and not any(table in line for table in tables)
-        ]
+        tables = [".".join(map(str, path[: max(2, len(path) - 1)])) for path in paths]
+        touched = re.compile("|".join(rf"(?<![\w.]){re.escape(t)}(?=\.|:| =)" for t in tables))
+        return [line for line in problems if not (touched.search(line) or line.startswith(START))]
     return []
 
 

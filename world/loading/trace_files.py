@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from encircle.world.loading.channel_consistency import TRACE_ROWS_MAX
-from encircle.world.scenario.fields import shown
+from encircle.world.scenario.fields import DELAY_S_MAX, shown
 
-DELAY_S_MAX = 600.0
 COLUMNS = ("lost", "delay_s", "sender", "receiver")
 ROBOT = re.compile(r"r[1-9][0-9]*", re.ASCII)
 BITS = {"0": 0, "1": 1, "false": 0, "true": 1, "0.0": 0, "1.0": 1}

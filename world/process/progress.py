@@ -60,12 +60,12 @@ class LockStepWatch:
         """What there is to do about a run that is at a tick; times in s of any steady clock."""
         wait, resuming = self._wait, tick == self._resumed_tick
         answer_s_max = self._resumed_s_max if resuming else self._answer_s_max
-        if wait.is_over(tick, now_s):
+        if wait.next_tick_at(tick, now_s):
             return NewTick()
         if wait.waited_s > answer_s_max:
             wait.restart()
             return Overdue(answer_s_max)
-        return StillWaiting(answers=True, ask_again=not resuming) if wait.is_due_again() else None
+        return StillWaiting(answers=True, ask_again=not resuming) if wait.take_period() else None
 
 
 class RealTimeWatch:
@@ -78,10 +78,10 @@ class RealTimeWatch:
     def look(self, tick: int, now_s: float) -> Progress:
         """As ``LockStepWatch.look``; nothing is ever overdue."""
         wait = self._wait
-        if wait.is_over(tick, now_s):
+        if wait.next_tick_at(tick, now_s):
             return NewTick()
         ticking = wait.waited_s < self._tick_s + RESEND_PERIOD_S
-        waits = ticking and wait.is_due_again()
+        waits = ticking and wait.take_period()
         return StillWaiting(answers=False, ask_again=False) if waits else None
 
 
@@ -94,8 +94,8 @@ class _Wait:
         self._again_s = RESEND_PERIOD_S
         self._looked_s = now_s
 
-    def is_over(self, tick: int, now_s: float) -> bool:
-        """Look at the run: whether it is at another tick than at the last look."""
+    def next_tick_at(self, tick: int, now_s: float) -> bool:
+        """Look at the run, and begin to wait anew if it is at another tick; whether it is."""
         self.waited_s += min(now_s - self._looked_s, LOOK_GAP_S_MAX)
         self._looked_s = now_s
         if tick == self._tick:
@@ -108,8 +108,8 @@ class _Wait:
         """Wait anew."""
         self.waited_s, self._again_s = 0.0, RESEND_PERIOD_S
 
-    def is_due_again(self) -> bool:
-        """Whether a further period of waiting is over."""
+    def take_period(self) -> bool:
+        """Take a period of waiting that is over; whether there was one."""
         if self.waited_s <= self._again_s:
             return False
         self._again_s += RESEND_PERIOD_S

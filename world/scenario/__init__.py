@@ -1,1 +1,1 @@
-"""The scenario: its model, where it is read from, and what is refused."""
+"""The scenario: its model, and plain sentences for what pydantic refuses."""

@@ -4,7 +4,8 @@ A field is declared once: its type carries range and unit, the docstring below i
 ``docs/scenario.md`` is made of these (``encircle.world.loading.describe``).
 """
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -13,6 +14,7 @@ from encircle.protocol.parameters import Unit
 ROBOTS_MAX = 256
 LENGTH_M_MAX = 1e5
 DELAY_S_MAX = 600.0
+SEED_END = 2**63
 
 Coordinate = Annotated[
     float, Field(ge=-LENGTH_M_MAX, le=LENGTH_M_MAX, allow_inf_nan=False), Unit("m")
@@ -38,3 +40,12 @@ def shown(value: object) -> str:
     """A value as error messages show it: as Python would, cut short if it is long."""
     text = repr(value)
     return text if len(text) <= 80 else text[:80] + "..."
+
+
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models of which an annotation's value can be, or hold some."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    elif get_origin(annotation) is not Literal:
+        for part in get_args(annotation):
+            yield from models_in(part)

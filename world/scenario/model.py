@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from encircle.protocol import VERSION
+from encircle.protocol.messages import PoseCarrier
 from encircle.protocol.parameters import Unit
 from encircle.world.scenario.channel_model import (
     ChannelModel,
@@ -21,7 +22,7 @@ from encircle.world.scenario.channel_model import (
     Partition,
     Silence,
 )
-from encircle.world.scenario.fields import ROBOTS_MAX, Deviation, Length, Model, Position
+from encircle.world.scenario.fields import ROBOTS_MAX, SEED_END, Deviation, Length, Model, Position
 
 SPACING_BODIES = 1.5
 
@@ -126,7 +127,7 @@ class Scenario(Model):
     """A title for people."""
     description: str = ""
     """A description for people."""
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    seed: Annotated[int, Field(ge=0, lt=SEED_END)] = 1
     """Seed of every random draw."""
     tick_s: Annotated[float, Field(ge=1e-4, le=60.0), Unit("s")] = 0.1
     """Length of a tick."""
@@ -155,6 +156,11 @@ class Scenario(Model):
     """Whether a tick ends when all robots have answered, or at a time (in real time)."""
     capture: Capture = Capture()
     """What a capture is."""
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether robots send their poses to each other, and not through the world."""
+        return PoseCarrier(self.radio) is PoseCarrier.DIRECT
 
     @cached_property
     def ids(self) -> tuple[str, ...]:

@@ -5,14 +5,13 @@ pydantic's kinds of error. Its own messages are never shown: they name Python's 
 to change in the file. Unknown keys come with the known one that is nearest.
 """
 
-import types
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
 from encircle.protocol.suggestions import did_you_mean, suggestion
-from encircle.world.scenario.fields import shown
+from encircle.world.scenario.fields import models_in, shown
 
 Path = tuple[str | int, ...]
 TEXT, WHOLE, NUMBER = "must be text", "must be a whole number", "must be a number"
@@ -68,6 +67,8 @@ SLIP_LIKENESS_MIN = 0.85
 KEY = "[key]"
 """Where pydantic's location of an error ends with this, it is the key before it that is wrong."""
 UNKNOWN_KEY = "unknown key"
+_ABSENT = object()
+"""Stands for the value of a key that is missing."""
 
 
 def problems_in(
@@ -86,7 +87,7 @@ def problems_in(
                 UNKNOWN_KEY + _known_key(path, model, other_keys)
             )
         elif one["type"] == "missing" and path and isinstance(path[-1], str):
-            must = _missing(path, model, tree)
+            value, must = _ABSENT, _missing(path, model, tree)
         elif one["type"] == "missing" and path:
             # Of a list of fixed length, which is right or wrong as a whole.
             path, must = path[:-1], f"must have more than {_items(len(value))}"
@@ -102,7 +103,7 @@ def problems_in(
 
 def _line(path: Path, value: Any, musts: Sequence[str]) -> str:
     key = ".".join(map(str, path))
-    if musts[0].startswith(MISSING):
+    if value is _ABSENT:
         return f"{key}: {musts[0]}"
     must = musts[0] + "".join(f", or {other.removeprefix('must be ')}" for other in musts[1:])
     return f"{key} = {shown(value)}: {must}" if key else f"{shown(value)}: {must}"
@@ -226,7 +227,7 @@ def keys_of(model: type[BaseModel], before: str = "") -> list[str]:
     for name, field in model.model_fields.items():
         keys.append(before + name)
         if get_origin(field.annotation) not in (tuple, list):
-            for table in _models_in(field.annotation):
+            for table in models_in(field.annotation):
                 keys += keys_of(table, f"{before}{name}.")
     return list(dict.fromkeys(keys))
 
@@ -237,16 +238,8 @@ def _tables_at(path: Path, model: type[BaseModel]) -> list[type[BaseModel]]:
     for part in path:
         if isinstance(part, str):
             fields = [table.model_fields[part] for table in tables if part in table.model_fields]
-            tables = [table for field in fields for table in _models_in(field.annotation)]
+            tables = [table for field in fields for table in models_in(field.annotation)]
     return tables
-
-
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    elif get_origin(annotation) in (Union, types.UnionType, Annotated, tuple, list):
-        for part in get_args(annotation):
-            yield from _models_in(part)
 
 
 def _items(count: int) -> str:

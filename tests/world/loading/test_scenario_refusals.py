@@ -307,3 +307,18 @@ def test_a_study_is_told_from_a_scenario(tmp_path):
     path.write_text('scenario = "sim1"\naxes = []\n')
     with pytest.raises(ScenarioError, match=r"is a study: encircle study .*mine\.toml"):
         load(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "keys"),
+    [
+        (("events.1.ticks=-1", 'events.10.robot="r9"'), ("events.1.ticks", "events.10.robot")),
+        (("robot=5", "capture.count=9"), ("robot", "capture.count")),
+    ],
+)
+def test_a_refused_value_hides_no_contradiction_whose_key_only_looks_like_its_own(changes, keys):
+    crashes = [{"kind": "crash", "robot": "r1", "tick": 5 + k, "ticks": 1} for k in range(12)]
+    with pytest.raises(ScenarioError) as refused:
+        load({"team": {"robots": 4}, "events": crashes}, changes)
+    lines = str(refused.value).splitlines()[1:]
+    assert [line.split(" = ")[0].strip() for line in lines] == list(keys)
