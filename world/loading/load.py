@@ -68,7 +68,7 @@ def _further_problems(tree: Mapping[str, Any], refused: Iterable[KeyPath]) -> li
             continue
         # What is wrong now with the same table may follow from what was left out.
         tables = [".".join(map(str, path[: max(2, len(path) - 1)])) for path in paths]
-        touched = re.compile("|".join(rf"(?<![\w.]){re.escape(t)}(?=\.|:| =)" for t in tables))
+        touched = re.compile("|".join(rf"(?<![\w.]){re.escape(t)}(?!\w)" for t in tables))
         return [line for line in problems if not (touched.search(line) or line.startswith(START))]
     return []
 
