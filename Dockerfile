@@ -29,9 +29,8 @@ COPY encircle encircle
 RUN pip install --no-cache-dir --no-compile --no-build-isolation --no-deps . \
  && pip uninstall --yes setuptools pip \
  && env --unset=PYTHONDONTWRITEBYTECODE --chdir=/ python -c \
-    "import encircle.agents.process.robot, encircle.world.__main__, encircle.world.process.running, \
-     encircle.world.recording.resuming, encircle.protocol.programs.alive, \
-     encircle.protocol.programs.router"
+    "import encircle.cli.main, encircle.protocol.programs.alive; \
+     from encircle.runner.fork_server import preload; preload()"
 
 # Studies and certificates need more.
 FROM packages AS laboratory-build
@@ -47,14 +46,16 @@ COPY encircle encircle
 RUN pip install --no-cache-dir --no-compile --no-build-isolation --no-deps . \
  && pip uninstall --yes setuptools pip \
  && env --unset=PYTHONDONTWRITEBYTECODE --chdir=/ python -c \
-    "import encircle.cli.hunting, encircle.figures.run_figures, encircle.studies.command, \
-     encircle.replay.replaying, encircle.protocol.programs.alive; \
+    "import encircle.cli.main, encircle.cli.hunting, encircle.figures.run_figures, \
+     encircle.studies.command, encircle.replay.replaying, encircle.protocol.programs.alive; \
      from encircle.runner.fork_server import preload; preload()"
 
 FROM python:3.11-slim AS base
-# Any user may run it; there is no home to write to, and a robot's matrices need no thread pool.
+# Any user may run it; there is no home to write to, a robot's matrices need no thread pool, and
+# files in the working directory are not modules of ours.
 ENV PATH=/opt/encircle/bin:$PATH \
     PYTHONUNBUFFERED=1 \
+    PYTHONSAFEPATH=1 \
     HOME=/tmp \
     OPENBLAS_NUM_THREADS=1 \
     OMP_NUM_THREADS=1

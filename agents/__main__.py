@@ -49,8 +49,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
     )
     options.add(
         "--tracebacks",
-        "keep the traceback of a strategy that fails in this directory; a temporary file if left"
-        " out",
+        "keep the traceback of a policy that fails in this directory; a temporary file if left out",
         read=Path,
         metavar="DIR",
     )

@@ -8,7 +8,7 @@ import pytest
 from helpers_waiting import TIMEOUTS
 from hypothesis import HealthCheck, settings
 
-# For the parties and commands that tests start as processes; their options go before it.
+# For the nodes and commands that tests start as processes; their options go before it.
 os.environ["ENCIRCLE_JOIN_TIMEOUT"] = f"{TIMEOUTS.join_s_max}"
 os.environ["ENCIRCLE_ANSWER_TIMEOUT"] = f"{TIMEOUTS.answer_s_max}"
 

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from encircle import laboratory
 from encircle.cli.shipped import listed_studies
 from encircle.protocol.process.interrupts import Interrupted
 from encircle.protocol.process.log import say, say_error
@@ -12,8 +13,6 @@ from encircle.protocol.programs.options import Options
 from encircle.runner.links import LINKS
 
 WORKERS_MAX = 1024
-ALWAYS = ("matplotlib", "rich")
-"""Packages that come with the program itself."""
 
 
 def reproduce_main(arguments: Sequence[str], program: str) -> int:
@@ -68,7 +67,7 @@ def study_main(arguments: Sequence[str], program: str) -> int:
         from encircle.studies.command import Request, run_study, show
         from encircle.studies.workers import StudyFailed
     except ModuleNotFoundError as error:
-        if error.name in ALWAYS:
+        if error.name in laboratory.PACKAGES:
             raise
         say_error(f"encircle: studies need {error.name}: install encircle[studies]")
         return 2

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import NamedTuple
 
+from encircle import laboratory
 from encircle.protocol.process.log import say, say_error
 from encircle.protocol.suggestions import did_you_mean
 
@@ -46,8 +47,6 @@ COMMANDS = {
     "alive": Command("Say whether a node of a run is there.", "encircle.protocol.programs.alive"),
     "doctor": Command("Examine this machine and a run's network.", "encircle.doctor.doctor"),
 }
-LABORATORY = ("matplotlib", "rich")
-"""Packages that the command line uses and no node."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -122,7 +121,7 @@ def _failure(error: BaseException) -> tuple[int, str] | None:
             return 1, str(error)
         case RunFailed():
             return 1, f"the run failed: {error}"
-        case ModuleNotFoundError(name=str(name)) if name.partition(".")[0] in LABORATORY:
+        case ModuleNotFoundError(name=str(name)) if name.partition(".")[0] in laboratory.PACKAGES:
             return 2, (
                 f"this command needs {name}, which an image for nodes leaves out:"
                 " take the image of the laboratory, docker build --target laboratory"

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from encircle.protocol.process.deferred_imports import UNUSED, deferred, lazy
-
-NUMBERS = (signal.SIGINT, signal.SIGTERM)
+from encircle.protocol.process.interrupts import NUMBERS
 
 
 class Painter:

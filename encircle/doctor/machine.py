@@ -18,6 +18,7 @@ from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from encircle import laboratory
 from encircle.protocol import VERSION
 
 MIB = 1024 * 1024
@@ -61,13 +62,11 @@ def check_machine(runs: Path, runs_named: bool) -> list[CheckResult]:
 
 
 LABORATORY = "laboratory"
-LABORATORY_PACKAGES = ("matplotlib", "rich")
-"""An image for nodes leaves them out."""
 
 
 def _use(name: str) -> str:
     """What a package of no extra is for, empty if for everything."""
-    return LABORATORY if name in LABORATORY_PACKAGES else ""
+    return LABORATORY if name in laboratory.PACKAGES else ""
 
 
 def _missing(package: str, use: str, names: Sequence[str]) -> CheckResult:

@@ -13,8 +13,9 @@ knows neither streams nor sessions.
 A request is eight bytes of length, which carry the node's three file descriptors, and a JSON
 object: ``{"start": number, "program": ..., "arguments": [...], "environment": {...}, "folder":
 ...}`` or ``{"signal": number, "pid": ...}``. Answers are JSON lines: ``{"start": number, "pid":
-...}`` and ``{"pid": ..., "status": ...}``, the status as ``subprocess`` counts it. When the starter
-is gone the connection is closed, and this process ends.
+...}``, with ``"error"`` in place of the pid if there can be no process, and ``{"pid": ...,
+"status": ...}``, the status as ``subprocess`` counts it. When the starter is gone the connection is
+closed, and this process ends.
 """
 
 import gc
@@ -123,10 +124,15 @@ class _Server:
             if request["pid"] in self._living:
                 os.kill(request["pid"], request["signal"])
             return
-        pid = self._fork(request, streams)
+        try:
+            pid = self._fork(request, streams)
+        except OSError as error:
+            self._answer({"start": request["start"], "error": error.strerror or str(error)})
+            return
+        finally:
+            for stream in streams:
+                os.close(stream)
         self._living.add(pid)
-        for stream in streams:
-            os.close(stream)
         self._answer({"start": request["start"], "pid": pid})
 
     def _whole(self, header: bytes) -> bytes:
@@ -144,7 +150,7 @@ class _Server:
             length -= len(part)
         return b"".join(parts)
 
-    def _answer(self, answer: dict[str, int]) -> None:
+    def _answer(self, answer: dict[str, int | str]) -> None:
         self._starter.sendall(json.dumps(answer).encode() + b"\n")
 
     def _report_ended(self) -> None:
@@ -158,11 +164,13 @@ class _Server:
     def _fork(self, request: dict[str, Any], streams: Sequence[int]) -> int:
         # A signal to a node that has just been born waits until the node can say so.
         signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
-        pid = os.fork()
-        if pid == 0:
-            self._become(request, streams)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS)
-        return pid
+        try:
+            pid = os.fork()
+            if pid == 0:
+                self._become(request, streams)
+            return pid
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS)
 
     def _become(self, request: dict[str, Any], streams: Sequence[int]) -> NoReturn:
         """In the new process: be the node, to its end."""
@@ -200,7 +208,8 @@ def run_program(request: dict[str, Any]) -> NoReturn:
         os.environ.update(request["environment"])
     # It was chosen by the environment of the fork server, if at all.
     tempfile.tempdir = None
-    os.chdir(request["folder"])
+    if request["folder"] is not None:
+        os.chdir(request["folder"])
     module = import_module(program.module)
     sys.argv = [str(module.__file__), *arguments]
     set_command_line([sys.executable, "-m", name, *arguments])

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from encircle.protocol.endings import failure_reason
 from encircle.protocol.process.interrupts import check, signals_held
 from encircle.protocol.process.log import bounded_log
 from encircle.protocol.process.tracebacks import failure_line
@@ -229,7 +230,7 @@ def _in_memory(
                 )
             except RunEndedByPlugin as error:
                 failure = failure_line(error.failed, directory)
-                result = replace(error.result, ended=f"failed: {failure}")
+                result = replace(error.result, ended=failure_reason(failure))
         timing = {"rounds_s": time.perf_counter() - begun}
         tell({"result": asdict(result)})
         if directory is not None:

@@ -23,7 +23,7 @@ from encircle.protocol.endings import failure_of, is_failure
 from encircle.protocol.process.interrupts import signals_to
 from encircle.protocol.process.log import KINDS_VARIABLE, LineKind, kind_and_text, printable
 from encircle.protocol.programs.options import without_settings
-from encircle.runner.nodes import Node, NodesLost, fork_server
+from encircle.runner.nodes import Node, NodesLost, abandon, fork_server
 from encircle.world.coordinator.result import Result
 from encircle.world.scenario.errors import ScenarioError
 
@@ -126,6 +126,7 @@ class _Launch:
         self.tick = 0
         self.errors: dict[str, list[tuple[LineKind, str]]] = {}
         self.interrupted = ""
+        self._interrupted = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self.failed: list[str] = []
         self.failure_due_s: dict[str, float] = {}
@@ -167,7 +168,19 @@ class _Launch:
                 output, self._reports = await self._output(theirs)
                 streams = (self._input(theirs), output, errors)
             start = self._server.start(program, options, streams, self._environment)
-            self.processes[name] = await asyncio.wrap_future(start)
+        # The fork server may be busy with its imports for some time.
+        started = asyncio.wrap_future(start)
+        interrupted = asyncio.ensure_future(self._interrupted.wait())
+        either: set[asyncio.Future[Any]] = {started, interrupted}
+        s_max = self.timeouts.join_s_max
+        await asyncio.wait(either, timeout=s_max, return_when=asyncio.FIRST_COMPLETED)
+        interrupted.cancel()
+        if started.done():
+            self.processes[name] = started.result()
+            return
+        abandon(start)
+        if not self.interrupted:
+            raise RunFailed(f"the process of {name} was not there within {s_max:g} s")
 
     def _input(self, theirs: ExitStack) -> int:
         """A pipe's end for reading; the other one is this process's, as long as the run lasts."""
@@ -285,6 +298,7 @@ class _Launch:
                 self._loop.call_soon_threadsafe(self._end_world)
 
     def _end_world(self) -> None:
+        self._interrupted.set()
         world = self.processes.get("world")
         if world is not None and world.returncode is None:
             world.terminate()

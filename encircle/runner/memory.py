@@ -68,7 +68,7 @@ def run_in_memory(
     """Run a hunt to its end; ``progress`` is called at every tick but the last.
 
     ``resumed``: a hunt to go on with instead of beginning one. ``RunEndedByPlugin`` if a
-    strategy or the target's behaviour fails.
+    policy or the target's behaviour fails.
     """
     with rare_garbage_collection():
         cores = {robot: RobotCore(robot, run, log) for robot in arena.ids}

@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from encircle.protocol.programs.options import without_settings
 from encircle.runner.fork_server import HEADER
@@ -44,7 +45,7 @@ END_S_MAX = 5.0
 
 
 class NodesLost(Exception):
-    """The fork server has ended by itself, and with it whatever could be known of its nodes."""
+    """The fork server has ended, and all its nodes with it, or it cannot make a node."""
 
 
 class Node:
@@ -113,7 +114,8 @@ class ForkServer:
                 # Ctrl-C in a terminal is for its starter.
                 start_new_session=True,
             )
-        threading.Thread(target=self._read_answers, name="nodes", daemon=True).start()
+        self._reader = threading.Thread(target=self._read_answers, name="nodes", daemon=True)
+        self._reader.start()
 
     def start(
         self,
@@ -135,7 +137,7 @@ class ForkServer:
             "program": program,
             "arguments": list(arguments),
             "environment": {**environment, **ONE_THREAD},
-            "folder": str(folder or Path.cwd()),
+            "folder": _directory(folder),
         }
         future: Future[Node] = Future()
         future.set_running_or_notify_cancel()
@@ -162,6 +164,8 @@ class ForkServer:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        # It ends the nodes that are left.
+        self._reader.join(END_S_MAX)
 
     def _send(self, request: Mapping[str, object], streams: Sequence[int] = ()) -> None:
         body = json.dumps(request).encode()
@@ -179,12 +183,17 @@ class ForkServer:
         self._connection.close()
         self._lose_all()
 
-    def _take(self, answer: Mapping[str, int]) -> None:
+    def _take(self, answer: Mapping[str, Any]) -> None:
         if "start" in answer:
-            node = Node(self, answer["pid"])
             with self._lock:
-                self._nodes[node.pid] = node
-                self._requested.pop(answer["start"]).set_result(node)
+                requested = self._requested.pop(answer["start"])
+                if "pid" in answer:
+                    node = self._nodes[answer["pid"]] = Node(self, answer["pid"])
+            # Whoever waits for it may want to send it a signal.
+            if "pid" in answer:
+                requested.set_result(node)
+            else:
+                requested.set_exception(NodesLost(f"no process can be made: {answer['error']}"))
         else:
             with self._lock:
                 node = self._nodes.pop(answer["pid"])
@@ -205,6 +214,24 @@ class ForkServer:
             node.ended.set_result(-signal.SIGKILL)
 
 
+def abandon(start: "Future[Node]") -> None:
+    """Have a node that is not wanted any more ended as soon as it is there."""
+
+    def end(done: "Future[Node]") -> None:
+        if done.exception() is None:
+            done.result().kill()
+
+    start.add_done_callback(end)
+
+
+def _directory(folder: Path | None) -> str | None:
+    """A node's working directory; None for this program's own if that is there no more."""
+    try:
+        return str(folder or Path.cwd())
+    except FileNotFoundError:
+        return None
+
+
 _servers: dict[tuple[str | None, ...], ForkServer] = {}
 _servers_lock = threading.Lock()
 
@@ -220,6 +247,8 @@ def fork_server(environment: Mapping[str, str] | None = None) -> ForkServer:
     paths = tuple(environment.get(name) for name in PATHS)
     with _servers_lock:
         server = _servers.get(paths)
+        if server is not None and server.lost and server.owner == os.getpid():
+            server.close()
         # A process that was forked from this program has no business with its server.
         if server is None or server.lost or server.owner != os.getpid():
             server = _servers[paths] = ForkServer(without_settings(environment))

@@ -14,6 +14,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import ExitStack
 
 from encircle.protocol.endings import failure_of
@@ -29,7 +30,7 @@ from encircle.runlog.recorded_log import log_of_messages
 from encircle.runlog.runlog import RunLog
 from encircle.runner import launch
 from encircle.runner.launch import STOP_S_MAX, Timeouts, free_endpoint
-from encircle.runner.nodes import Node, NodesLost, fork_server
+from encircle.runner.nodes import Node, NodesLost, abandon, fork_server
 from encircle.studies.plan import Plan
 from encircle.studies.sources import versions
 from encircle.studies.tasks import FAILED, Row, Task, failed_row, result_row, run_seed
@@ -129,25 +130,24 @@ class Session:
         options = ("--run", self._run, "--stay", "--quiet", "--join-timeout", f"{s_max}")
         environment = without_settings(os.environ)
         server = fork_server(environment)
-        with open(os.devnull, "r+b", buffering=0) as nothing:
-            streams = (nothing.fileno(), nothing.fileno(), STANDARD_ERROR)
-            starts = {
-                robot: server.start(
-                    "encircle.agents",
-                    [robot, "--connect", self._endpoint, *options],
-                    streams,
-                    environment,
-                )
-                for robot in self._robots
-            }
+        deadline_s = time.monotonic() + s_max
+        starts: dict[str, Future[Node]] = {}
         try:
-            for robot, start in starts.items():
-                self._processes[robot] = start.result(s_max)
+            with open(os.devnull, "r+b", buffering=0) as nothing:
+                streams = (nothing.fileno(), nothing.fileno(), STANDARD_ERROR)
+                for robot in self._robots:
+                    arguments = [robot, "--connect", self._endpoint, *options]
+                    starts[robot] = server.start("encircle.agents", arguments, streams, environment)
+            while starts:
+                check()
+                self._take_started(starts)
+                if starts and time.monotonic() >= deadline_s:
+                    raise StudyFailed(f"{', '.join(starts)}: no process within {s_max:g} s")
         except NodesLost as error:
             raise StudyFailed(str(error)) from None
-        except TimeoutError:
-            raise StudyFailed(f"no robot was started within {s_max:g} s") from None
-        deadline_s = time.monotonic() + s_max
+        finally:
+            for start in starts.values():
+                abandon(start)
         while not self._all_joined.wait(WATCH_PERIOD_S):
             check()
             ended = [robot for robot, p in self._processes.items() if p.poll() is not None]
@@ -157,6 +157,12 @@ class Session:
                 absent = ", ".join(sorted(set(self._robots) - self._alive))
                 raise StudyFailed(f"{absent} did not join within {s_max:g} s")
         threading.Thread(target=self._watch, daemon=True).start()
+
+    def _take_started(self, starts: dict[str, Future[Node]]) -> None:
+        """Move the nodes that are there from ``starts`` to the processes."""
+        wait(starts.values(), WATCH_PERIOD_S, FIRST_COMPLETED)
+        for robot in [robot for robot, start in starts.items() if start.done()]:
+            self._processes[robot] = starts.pop(robot).result()
 
     def __exit__(self, *_error: object) -> None:
         self._closed.set()

@@ -68,7 +68,7 @@ def code(plugins: Names = ()) -> str:
 
 
 def versions(plugins: Names = ()) -> dict[str, str]:
-    """Versions of what computes a run's numbers, other people's strategies and targets included."""
+    """Versions of what computes a run's numbers, plug-ins included."""
     return _versions(_plugin_sources(plugins).distributions)
 
 

@@ -3,7 +3,8 @@
 Python turns Ctrl-C into an exception that strikes anywhere: in an import, in a record that is being
 written, in what cleans up after another Ctrl-C. Here a signal never raises anything by itself. It
 ends the process at once, as long as there is nothing to put in order (``exit_on_signal``); or a
-function is told (``signals_to``); or it is kept until the work can be left (``held``, ``check``).
+function is told (``signals_to``); or it is kept until the work can be left (``signals_held`` and
+``check``).
 
 A terminal sends Ctrl-C to all processes of a command. Those that another one ends in order are
 shielded from it.
@@ -84,7 +85,7 @@ def exit_process(status: int) -> NoReturn:
 
 
 def expect_library_threads() -> None:
-    """A library has threads of its own, which call Python: ``leave`` is not to take that down."""
+    """A library has threads of its own that call Python: ``exit_process`` must not take it down."""
     _State.at_work = True
 
 

@@ -25,7 +25,7 @@ THINK_US = 500
 SQUARE = ((4.0, 0.0), (0.0, 4.0), (-4.0, 0.0), (0.0, -4.0))
 
 Delay = Callable[[str, str, str, int], int | None]
-"""Delay in us of the n-th message of a channel from one party to another; None if it is lost."""
+"""Delay in us of the n-th message of a channel from one node to another; None if it is lost."""
 
 
 def by_clock(*overrides: str, **sections: Any) -> Scenario:

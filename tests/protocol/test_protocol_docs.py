@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 import pytest
 from helpers_commands import ours, started_unheard
-from helpers_hosts import Party, wait_for_robots
+from helpers_hosts import NodeProcess, wait_for_robots
 from helpers_paths import DOCS
 from helpers_protocol_page import PAGE, program, section
 from helpers_waiting import communicated, ended, until
@@ -162,7 +162,7 @@ def test_the_viewer_of_the_page_sees_a_hunt_until_its_world_is_gone(tmp_path):
     with ExitStack() as stack:
 
         def start(name, *command):
-            node = Party([sys.executable, *command], tmp_path / name, {})
+            node = NodeProcess([sys.executable, *command], tmp_path / name, {})
             stack.callback(node.kill)
             return node
 

@@ -1,7 +1,7 @@
 """Every rule of docs/protocol.md for messages: what breaks one is refused, with its cause.
 
 A rule stands here with the words of the page that make it and a message that breaks it, drawn anew
-for each seed. Two parties are in the same state; one of them gets that message. Then both get the
+for each seed. Two nodes are in the same state; one of them gets that message. Then both get the
 same sound messages, and go on alike but for what they count as refused. What each field may hold
 for itself is in ``test_codec_refusals.py``.
 """

@@ -111,7 +111,7 @@ def read_recording(path: str | Path) -> Recording:
     except UnknownKey as error:
         raise RecordingError(f"{file_path}: {error}") from None
     except ScenarioError as error:
-        # As of a strategy or target that is not installed here.
+        # As of a policy or target behaviour that is not installed here.
         raise RecordingError(f"{file_path} cannot be understood here: {error}") from None
     except (KeyError, ValueError):
         raise RecordingError(

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -118,7 +119,6 @@ def test_a_new_one_is_started_when_one_was_lost():
     assert nodes.fork_server() is first
     os.kill(first._process.pid, signal.SIGKILL)
     until(lambda: first.lost, "the loss to be noticed")
-    first.close()
     assert encircle.run("sim2", overrides=["ticks_max=3"]).result.ticks == 3
 
 
@@ -173,3 +173,75 @@ def test_where_processes_keep_no_command_line_nothing_happens(tmp_path):
     set_command_line(["python"], tmp_path)
     (tmp_path / "stat").write_text("1 (x) " + "0 " * 50)
     set_command_line(["python"], tmp_path)
+
+
+def test_to_close_it_ends_its_nodes(server, output):
+    node = started(server, output, *NOBODY, free_endpoint())
+    server.close()
+    assert node.poll() == -signal.SIGKILL
+    until(lambda: not alive(node.pid), "the node's end")
+
+
+def test_a_node_that_is_abandoned_before_it_is_there_is_ended(server, output):
+    streams = (output.fileno(),) * 3
+    start = server.start("encircle.agents", [*NOBODY, free_endpoint()], streams, dict(os.environ))
+    nodes.abandon(start)
+    assert start.result().wait() == -signal.SIGKILL
+
+
+def test_a_process_that_cannot_be_made_is_one_line_and_the_others_go_on(tmp_path):
+    """``fork`` fails once, as it does where too many processes are there already."""
+    fails = (
+        "import errno, os\nfork, calls = os.fork, []\n"
+        "def once():\n"
+        "    calls.append(0)\n"
+        "    if len(calls) == 2:\n"
+        "        raise BlockingIOError(errno.EAGAIN, 'Resource temporarily unavailable')\n"
+        "    return fork()\n"
+        "os.fork = once\n"
+    )
+    server = ForkServer(os.environ, boot=fails + nodes.BOOT)
+    try:
+        with open(tmp_path / "output", "w+b", buffering=0) as output:
+            first = started(server, output, *NOBODY, free_endpoint())
+            with pytest.raises(NodesLost, match="no process can be made: Resource temporarily"):
+                started(server, output, *NOBODY, free_endpoint())
+            third = started(server, output, *NOBODY, free_endpoint())
+            assert (first.poll(), third.poll()) == (None, None)
+    finally:
+        server.close()
+
+
+def test_a_program_whose_directory_is_gone_starts_nodes_in_that_of_the_fork_server(
+    server, output, tmp_path, monkeypatch
+):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    node = started(server, output, *NOBODY, free_endpoint())
+    its, servers = (Path(f"/proc/{pid}/cwd").readlink() for pid in (node.pid, server._process.pid))
+    assert its == servers
+
+
+def test_ctrl_c_and_the_join_limit_hold_while_the_fork_server_is_busy(monkeypatch):
+    busy = ForkServer(os.environ)
+    os.kill(busy._process.pid, signal.SIGSTOP)
+    monkeypatch.setattr("encircle.runner.launch.fork_server", lambda _environment: busy)
+    try:
+        with pytest.raises(encircle.RunFailed, match=r"the process of world was not there within"):
+            encircle.run("sim1", timeouts=encircle.Timeouts(join_s_max=0.5))
+        before = signal.getsignal(signal.SIGINT)
+
+        def interrupt_when_caught() -> None:
+            until(lambda: signal.getsignal(signal.SIGINT) is not before, "signals to be caught")
+            os.kill(os.getpid(), signal.SIGINT)
+
+        interrupt = threading.Thread(target=interrupt_when_caught)
+        interrupt.start()
+        with pytest.raises(encircle.RunFailed, match="stopped by SIGINT before the run began"):
+            encircle.run("sim1")
+        interrupt.join()
+    finally:
+        os.kill(busy._process.pid, signal.SIGKILL)
+        busy.close()

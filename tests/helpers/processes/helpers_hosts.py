@@ -56,7 +56,7 @@ class Hosts:
         self._switch = f"{self._base}-switch"
         self.addresses = {name: f"10.99.0.{k}" for k, name in enumerate(names, 1)}
         self._spaces: list[str] = []
-        self.started: list[Party] = []
+        self.started: list[NodeProcess] = []
         try:
             self._space(self._switch)
             ip("-n", self._switch, "link", "add", "bridge", "type", "bridge")
@@ -84,11 +84,13 @@ class Hosts:
     def endpoint(self, name: str) -> str:
         return f"tcp/{self.addresses[name]}:7447"
 
-    def start(self, host: str, *arguments: str, settings: dict[str, str] | None = None) -> "Party":
+    def start(
+        self, host: str, *arguments: str, settings: dict[str, str] | None = None
+    ) -> "NodeProcess":
         """A command of ours on a host, as ``python -m``, with these environment variables."""
         within = ["nsenter", f"--net=/run/netns/{self._base}-{host}"]
         log = self._logs / f"{len(self.started)}-{host}"
-        node = Party([*within, *ours(*arguments)], log, settings or {})
+        node = NodeProcess([*within, *ours(*arguments)], log, settings or {})
         self.started.append(node)
         return node
 
@@ -108,7 +110,7 @@ class Hosts:
             subprocess.run(["ip", "netns", "delete", space], check=False, capture_output=True)
 
 
-class Party:
+class NodeProcess:
     """A world, robot or router as a process. Its output goes to files, so that it never waits."""
 
     def __init__(self, command: Sequence[str], log: Path, settings: dict[str, str]) -> None:
@@ -155,7 +157,7 @@ class Party:
     def result(self) -> dict[str, Any]:
         return next(report["result"] for report in self.reports() if "result" in report)
 
-    def wait_until(self, happened: Callable[["Party"], bool]) -> None:
+    def wait_until(self, happened: Callable[["NodeProcess"], bool]) -> None:
         def holds() -> bool:
             over = self._process.poll() is not None
             if happened(self):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from helpers_commands import ours
-from helpers_hosts import Party
+from helpers_hosts import NodeProcess
 from helpers_waiting import ample_s
 
 from encircle.runner.launch import free_endpoint
@@ -38,10 +38,10 @@ class Hunt:
     def __init__(self, folder: Path, scenario: dict[str, Any]) -> None:
         self.folder, self.out = folder, folder / "run"
         self.endpoint = free_endpoint()
-        self.parties: list[Party] = []
+        self.nodes: list[NodeProcess] = []
         self.scenario = folder / "scenario.json"
         self.scenario.write_text(json.dumps(scenario))
-        self.robots: dict[str, Party] = {}
+        self.robots: dict[str, NodeProcess] = {}
         self.limits: tuple[str, ...] = ()
 
     def lose_the_silent(self) -> str:
@@ -50,30 +50,32 @@ class Hunt:
         self.limits = ("--answer-timeout", answer_s)
         return f"lost: no answer for {answer_s} s"
 
-    def start(self, *arguments: str) -> Party:
+    def start(self, *arguments: str) -> NodeProcess:
         return self.start_as(arguments[0], *ours(*arguments)[1:])
 
-    def start_as(self, name: str, *arguments: str) -> Party:
-        log = self.folder / f"{len(self.parties)}-{name}"
-        party = Party([sys.executable, *arguments, "--run", "faulty"], log, {})
-        self.parties.append(party)
-        return party
+    def start_as(self, name: str, *arguments: str) -> NodeProcess:
+        log = self.folder / f"{len(self.nodes)}-{name}"
+        node = NodeProcess([sys.executable, *arguments, "--run", "faulty"], log, {})
+        self.nodes.append(node)
+        return node
 
     def start_world(self, how: str = "--listen") -> None:
         where = (how, self.endpoint, "--out", str(self.out))
         self.world = self.start("world", str(self.scenario), *where, *self.limits)
 
-    def start_router(self) -> Party:
+    def start_router(self) -> NodeProcess:
         command = ("-m", "encircle.protocol.programs.router", "--listen", self.endpoint)
-        party = Party([sys.executable, *command], self.folder / f"{len(self.parties)}-router", {})
-        self.parties.append(party)
-        party.wait_for_listening()
-        return party
+        node = NodeProcess(
+            [sys.executable, *command], self.folder / f"{len(self.nodes)}-router", {}
+        )
+        self.nodes.append(node)
+        node.wait_for_listening()
+        return node
 
-    def start_robot(self, robot: str, *options: str) -> Party:
-        party = self.start("agents", robot, "--connect", self.endpoint, *options)
-        self.robots[robot] = party
-        return party
+    def start_robot(self, robot: str, *options: str) -> NodeProcess:
+        node = self.start("agents", robot, "--connect", self.endpoint, *options)
+        self.robots[robot] = node
+        return node
 
     def start_all(self, *options: str) -> None:
         self.start_world()
@@ -101,5 +103,5 @@ class Hunt:
         os.kill(self.robots[robot].pid, number)
 
     def close(self) -> None:
-        for party in self.parties:
-            party.kill()
+        for node in self.nodes:
+            node.kill()

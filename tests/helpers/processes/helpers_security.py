@@ -1,4 +1,4 @@
-"""A lab with certificates for tests: its files, and Zenoh configuration files for its parties."""
+"""A lab with certificates for tests: its files, and Zenoh configuration files for its nodes."""
 
 import itertools
 import socket
@@ -47,7 +47,7 @@ class Lab:
         return Identity(self.identity(name).authority, other.certificate, other.key)
 
     def dated(self, name: str, begin: timedelta, end: timedelta) -> Identity:
-        """A party's certificate issued anew by its lab, valid from and until so long from now."""
+        """A node's certificate issued anew by its lab, valid from and until so long from now."""
         now = datetime.now(UTC)
         ours = self.identity(name)
         old = x509.load_pem_x509_certificate(ours.certificate.read_bytes())
@@ -67,7 +67,7 @@ class Lab:
         return self._file(settings | tls(self.identity(name), True, bool(connect)) | gate(ROBOTS))
 
     def connecting(self, who: str | Identity | None, endpoint: str, mode: str = "client") -> Path:
-        """That of a party, or with None of one without any certificate."""
+        """That of a node, or with None of one without any certificate."""
         settings = {"mode": mode, "listen/endpoints": [], "connect/endpoints": [endpoint]}
         if who is None:
             authority = str(self.identity("r1").authority)

@@ -1,4 +1,4 @@
-"""The health check: whether a party can be found, not whether its process exists."""
+"""The health check: whether a node can be found, not whether its process exists."""
 
 import pytest
 from helpers_waiting import LONGEST_S, until

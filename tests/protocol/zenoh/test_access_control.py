@@ -54,7 +54,7 @@ def opened(config, closing, connect_s_max=LONGEST_S):
     return session
 
 
-class Party:
+class NodeProcess:
     """A session that subscribes to what is its own, and to everything."""
 
     def __init__(self, name, session):
@@ -88,7 +88,7 @@ class Party:
 
 
 def meet(lab, closing, form, endpoint, **modes):
-    """All parties, connected to a gate: a router or the world, or r2 to a router further on."""
+    """All nodes, connected to a gate: a router or the world, or r2 to a router further on."""
     sessions, places = {}, dict.fromkeys(NODE_KINDS, endpoint)
     name, mode = ("world", "peer") if form == "direct" else ("router", "router")
     sessions[name] = opened(lab.listening(name, endpoint, mode), closing)
@@ -100,7 +100,7 @@ def meet(lab, closing, form, endpoint, **modes):
         if node not in sessions:
             config = lab.connecting(node, places[node], modes.get(node, "client"))
             sessions[node] = opened(config, closing)
-    nodes = {node: Party(node, sessions[node]) for node in NODE_KINDS}
+    nodes = {node: NodeProcess(node, sessions[node]) for node in NODE_KINDS}
     sync(nodes, "hello")
     return nodes
 

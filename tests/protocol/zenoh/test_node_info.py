@@ -1,4 +1,4 @@
-"""What a party says of itself when it is asked, and what is taken for such an answer."""
+"""What a node says of itself when it is asked, and what is taken for such an answer."""
 
 import msgpack
 import pytest

@@ -270,7 +270,7 @@ def test_three_hosts_each_with_the_part_that_its_environment_says(engine, runs):
 
 @pytest.fixture
 def certificates() -> Iterator[dict[str, Path]]:
-    """A directory for each host, with the certificates of its own parties and no other key."""
+    """A directory for each host, with the certificates of its own nodes and no other key."""
     root = Path(tempfile.mkdtemp(prefix="encircle-lab-"))
     lab = make_certificates(root / "lab", 4, ["router", ADDRESS], 1).directory
     placed = {"middle": ("router", "world"), "left": ("r1", "r2"), "right": ("r3", "r4")}

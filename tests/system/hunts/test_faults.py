@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from helpers_hosts import Party
+from helpers_hosts import NodeProcess
 from helpers_hunt import ENDLESS, LONG, ROBOTS
 from helpers_waiting import LONGEST_S, completed
 from helpers_world import departures_of
@@ -225,7 +225,9 @@ class Command:
     """``encircle run`` of a long hunt, with the ids of the processes that it starts."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
-        self.node = Party([sys.executable, "-m", "encircle", "run", *arguments], folder / "cli", {})
+        self.node = NodeProcess(
+            [sys.executable, "-m", "encircle", "run", *arguments], folder / "cli", {}
+        )
         self.node.wait_until(lambda cli: "processes: " in cli.said)
         line = next(x for x in self.node.said.splitlines() if x.startswith("processes: "))
         named = line.removeprefix("processes: ").split(", ")

@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from helpers_hosts import Hosts, Party, possible
+from helpers_hosts import Hosts, NodeProcess, possible
 from helpers_waiting import ample_s
 
 import encircle
@@ -41,7 +41,9 @@ def hosts(tmp_path) -> Iterator[Hosts]:
     made.close()
 
 
-def everything(hosts: Hosts, scenario: str, *options: str) -> tuple[Party, Party, list[Party]]:
+def everything(
+    hosts: Hosts, scenario: str, *options: str
+) -> tuple[NodeProcess, NodeProcess, list[NodeProcess]]:
     """Router, world and robots, each on its host, told everything by environment variables."""
     hub = hosts.endpoint("hub")
     open_to_all = {"ENCIRCLE_LISTEN": hub, "ENCIRCLE_WITHOUT_AUTHENTICATION": "yes"}

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from datetime import timedelta
 
 import pytest
-from helpers_hosts import Party
+from helpers_hosts import NodeProcess
 from helpers_hunt import LONG
 from helpers_security import REFUSED_S_MAX, ROBOTS, Lab, free_endpoint
 from helpers_waiting import LONGEST_S
@@ -45,11 +45,11 @@ def lab(tmp_path_factory):
 
 @pytest.fixture
 def started(tmp_path):
-    """Start ``python`` with arguments as a party; all are ended with the test."""
+    """Start ``python`` with arguments as a node; all are ended with the test."""
     with ExitStack() as stack:
 
         def start(name, *arguments):
-            node = Party([sys.executable, *arguments], tmp_path / name, {})
+            node = NodeProcess([sys.executable, *arguments], tmp_path / name, {})
             stack.callback(node.kill)
             return node
 

@@ -13,7 +13,7 @@ import sys
 from contextlib import ExitStack
 
 import pytest
-from helpers_hosts import Party
+from helpers_hosts import NodeProcess
 from helpers_hunt import LONG
 from helpers_paths import STRANGER
 from helpers_security import ROBOTS, Lab, free_endpoint
@@ -97,7 +97,9 @@ class Watched:
 
     def start(self, *arguments):
         log = self._folder / f"{next(self._numbers)}"
-        node = Party([sys.executable, *map(str, arguments)], log, {"OPENBLAS_NUM_THREADS": "1"})
+        node = NodeProcess(
+            [sys.executable, *map(str, arguments)], log, {"OPENBLAS_NUM_THREADS": "1"}
+        )
         self._closing.callback(node.kill)
         return node
 

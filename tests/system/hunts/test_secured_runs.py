@@ -12,7 +12,7 @@ from datetime import timedelta
 
 import pytest
 from helpers_commands import command, ours, run_forked
-from helpers_hosts import Party
+from helpers_hosts import NodeProcess
 from helpers_security import ROBOTS, Lab, free_endpoint
 from helpers_waiting import LONGEST_S, ample_s
 
@@ -36,7 +36,7 @@ def started(tmp_path):
         def start(*arguments, **settings):
             settings = {f"ENCIRCLE_{name.upper()}": str(value) for name, value in settings.items()}
             log = tmp_path / f"{next(numbers)}"
-            node = Party(ours(*arguments), log, settings)
+            node = NodeProcess(ours(*arguments), log, settings)
             stack.callback(node.kill)
             return node
 
@@ -44,7 +44,7 @@ def started(tmp_path):
 
 
 def only(lab, folder, name):
-    """A directory as a host gets it: the authority's certificate, and the party's own two files."""
+    """A directory as a host gets it: the authority's certificate, and the node's own two files."""
     folder = folder / f"of-{name}"
     folder.mkdir()
     for file in ("authority.pem", f"{name}.pem", f"{name}.key"):

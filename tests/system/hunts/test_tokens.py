@@ -1,6 +1,6 @@
 """Liveliness tokens of strangers: one on an expression is nobody's, whatever it matches.
 
-A token may be declared on ``**`` and then matches the key of every party. Zenoh tells of it by its
+A token may be declared on ``**`` and then matches the key of every node. Zenoh tells of it by its
 own expression, beside those that it matches, which come and go as if it were not there.
 """
 
@@ -14,7 +14,7 @@ from functools import partial
 import pytest
 import zenoh
 from helpers_agents import BODIES
-from helpers_hosts import Party, wait_for_robots
+from helpers_hosts import NodeProcess, wait_for_robots
 from helpers_hunt import ROBOTS
 from helpers_paths import STRANGER as STRANGER_FOLDER
 from helpers_protocol_page import program
@@ -230,7 +230,7 @@ def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path
     wait_for_robots(hunt.endpoint, RUN, 2)
     for robot, script in (("r3", STRANGER), ("r4", page)):
         command = [sys.executable, str(script), robot, RUN, hunt.endpoint]
-        hunt.parties.append(Party(command, tmp_path / robot, {}))
+        hunt.nodes.append(NodeProcess(command, tmp_path / robot, {}))
     hunt.wait_for_ticks()
     for token in kept:
         token.undeclare()
@@ -238,7 +238,7 @@ def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path
     hunt.wait_for_ticks()
     assert hunt.departures == []
     hunt.world.kill()
-    assert hunt.parties[-1].end() == 1
+    assert hunt.nodes[-1].end() == 1
 
 
 class Timers:
