@@ -188,7 +188,7 @@ def test_a_script_that_starts_world_and_robots_leaves_none_of_them(number, folde
     for robot in ("r1", "r2", "r3", "r4"):
         # Its own signal ends it, or that the world tells it of its.
         last = [line for line in said.splitlines() if line.startswith(f"robot {robot}: ")][-1]
-        assert last.endswith(f"stopped by {number.name}")
+        assert last.endswith(f"stopped by {number.name}"), said
     assert replay(folder / "made").same
 
 
