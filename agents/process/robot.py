@@ -19,7 +19,7 @@ from encircle.agents.process.world_watch import RobotEnd, WorldWatch
 from encircle.protocol.endings import is_failure
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.plugins import PluginLoadError
-from encircle.protocol.process.interrupts import signals_to
+from encircle.protocol.process.interrupts import end_is_known, signals_to
 from encircle.protocol.process.log import say_error
 from encircle.protocol.zenoh.connection import ConnectionFailed, ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
@@ -85,7 +85,9 @@ async def run_robot(robot: str, run: str, endpoints: Endpoints, options: RobotOp
         connection.answer_info_queries(robot_key(run, robot, "about"), robot)
         connection.declare_alive(own_token)
         await _take_part(runs, connection, world_watch, end, status_log)
-    return _conclude(runs, end, report_problem, report)
+        status = _conclude(runs, end, report_problem, report)
+        end_is_known()
+    return status
 
 
 async def _take_part(

@@ -84,6 +84,11 @@ def exit_process(status: int) -> NoReturn:
     sys.exit(status)
 
 
+def end_is_known() -> None:
+    """Have ``exit_on_signal`` ignore what comes now: this process has said how it ends."""
+    _State.ending = True
+
+
 def expect_library_threads() -> None:
     """A library has threads of its own that call Python: ``exit_process`` must not take it down."""
     _State.at_work = True

@@ -89,10 +89,12 @@ def main(
             closing(open_session(where)) as session,
             signals_to(changes.put),
         ):
+            # A run may come and go as soon as there is a line that it waits for.
+            _kept = _watch(session, settings.for_run, changes)
+            _kept += [serve_queries(session, ROUTER_KEY, info_replier("router", now_us))]
             of = "" if where.listen else "the endpoints of "
             say_error(f"router: {notice or f'listening on {of}{where}'}")
-            _kept = serve_queries(session, ROUTER_KEY, info_replier("router", now_us))
-            _route(session, settings.for_run, changes)
+            _route(changes)
     except ConfigurationError as error:
         options.error(str(error))
     except ConnectionFailed as error:
@@ -101,14 +103,18 @@ def main(
     return 0
 
 
-def _route(session: Any, run: str | None, changes: Changes) -> None:
-    """Zenoh does the routing on threads of its own; this waits for the end."""
-    tokens = Tokens()
+def _watch(session: Any, run: str | None, changes: Changes) -> list[Any]:
+    """Have the tokens of a run told to ``changes`` as long as what is returned is kept."""
     expressions = (world_key(run, "alive"), robot_key(run, "*", "alive")) if run else ()
-    _kept = [
+    return [
         subscribe_alive(session, expression, lambda key, alive: changes.put((key, alive)))
         for expression in expressions
     ]
+
+
+def _route(changes: Changes) -> None:
+    """Zenoh does the routing on threads of its own; this waits for the end."""
+    tokens = Tokens()
     while not tokens.over(time.monotonic()):
         with contextlib.suppress(queue.Empty):
             change = changes.get(timeout=STEP_S)

@@ -192,6 +192,34 @@ def test_a_script_that_starts_world_and_robots_leaves_none_of_them(number, folde
     assert replay(folder / "made").same
 
 
+SIGNALLED_WHEN_OVER = """
+import asyncio, signal, sys
+from encircle.agents.process import robot
+from encircle.protocol.process.interrupts import exit_on_signal
+from encircle.protocol.zenoh.endpoints import Endpoints
+exit_on_signal("robot")
+conclude, run_robot = robot._conclude, robot.run_robot
+def signalled(*of):
+    signal.raise_signal(signal.SIGTERM)
+    return conclude(*of)
+async def run(*of):
+    status = await run_robot(*of)
+    signal.raise_signal(signal.SIGTERM)
+    return status
+robot._conclude = signalled
+options = robot.RobotOptions(join_s_max=0.1)
+sys.exit(asyncio.run(run("r1", "none", Endpoints(listen=(sys.argv[1],)), options)))
+"""
+
+
+def test_a_robot_whose_end_has_come_says_why_whatever_signals_come_then():
+    done = completed([sys.executable, "-c", SIGNALLED_WHEN_OVER, free_endpoint()])
+    assert (done.returncode, done.stdout) == (1, "")
+    _waits, last = done.stderr.splitlines()
+    assert last.startswith("robot r1: the world of run none")
+    assert "did not take this robot in within 0.1 s" in last
+
+
 def work(*steps: Callable[[], None]) -> None:
     """Do this and that while signals are held."""
     with signals_held():

@@ -13,7 +13,9 @@ import pytest
 from helpers_waiting import LONGEST_S, ample_s, completed, ended, taken, until
 
 from encircle.protocol.keys import robot_key, world_key
+from encircle.protocol.programs import router as router_program
 from encircle.protocol.programs.router import END_S_MAX, Tokens
+from encircle.protocol.zenoh import liveliness
 from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.protocol.zenoh.liveliness import ROUTER_S_MAX
@@ -181,6 +183,29 @@ def test_a_router_for_one_run_ends_when_all_of_it_have_gone(closing):
     world.close()
     robot.close()
     assert router.wait() == 0
+
+
+def test_a_router_for_one_run_watches_it_before_it_says_that_it_listens(monkeypatch):
+    """Whoever waits for that line may come and go within a tenth of a second."""
+
+    class Listens(Exception):
+        pass
+
+    watched_then: list[str] = []
+    keep = liveliness.subscribe_alive
+
+    def subscribe(session, expression, tell):
+        watched_then.append(expression)
+        return keep(session, expression, tell)
+
+    def say(_line):
+        raise Listens
+
+    monkeypatch.setattr(router_program, "subscribe_alive", subscribe)
+    monkeypatch.setattr(router_program, "say_error", say)
+    with pytest.raises(Listens):
+        router_program.main(["--listen", free_endpoint(), "--for-run", "t"])
+    assert watched_then == [WORLD, robot_key("t", "*", "alive")]
 
 
 def test_when_a_run_is_over():
