@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from encircle.agents.policies.policies import Decision, Policy, View
+    from encircle.agents.policies.interface import Decision, Peer, Policy, View
     from encircle.protocol.process.interrupts import Interrupted
     from encircle.runner.hunts import Hunt, resume, run
     from encircle.runner.launch import RunFailed, Timeouts
@@ -33,6 +33,7 @@ __all__ = [
     "Decision",
     "Hunt",
     "Interrupted",
+    "Peer",
     "Policy",
     "Result",
     "RunDirectoryError",
@@ -54,7 +55,7 @@ __all__ = [
     "study",
 ]
 _MODULE_OF = {
-    **dict.fromkeys(("Decision", "Policy", "View"), "encircle.agents.policies.policies"),
+    **dict.fromkeys(("Decision", "Peer", "Policy", "View"), "encircle.agents.policies.interface"),
     **dict.fromkeys(("Hunt", "resume", "run"), "encircle.runner.hunts"),
     **dict.fromkeys(("RunFailed", "Timeouts"), "encircle.runner.launch"),
     **dict.fromkeys(("ScenarioRemark", "remarks_on"), "encircle.world.loading.remarks"),

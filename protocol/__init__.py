@@ -4,7 +4,7 @@ Nothing here decides anything about a hunt. The modules are usable on their own 
 viewer of another project; ``docs/protocol.md`` is the reference for those in other languages.
 """
 
-VERSION = 3
+VERSION = 4
 """Version of the wire format, carried as ``v`` in every message."""
 
 if __name__ != "encircle.protocol":

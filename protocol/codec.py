@@ -31,6 +31,8 @@ from encircle.protocol.wire.packing import (
     map_header_bytes,
     map_size,
 )
+from encircle.protocol.wire.payload import NOTHING_SAID
+from encircle.protocol.wire.payload import payload as checked_payload
 
 Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
 
@@ -39,7 +41,7 @@ M = TypeVar("M", Setup, Observation, Pose, Command, End, State, Radio)
 BYTES_MAX: dict[type[Any], int] = {
     Setup: 64 * 1024,
     Observation: 4 * 1024 * 1024,
-    Pose: 2048,
+    Pose: 4096,
     Command: 16 * 1024,
     End: 1024,
     State: 256 * 1024,
@@ -133,7 +135,14 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
         body = msgpack.unpackb(payload, use_list=False)
     except Exception:  # as in decode, which will say what is wrong
         return None
-    if tuple(body) != _LAYOUTS[Pose].always:
+    say = NOTHING_SAID
+    if len(body) != len(_LAYOUTS[Pose].always):
+        try:
+            say = checked_payload(body.popitem()[1]) if next(reversed(body)) == "say" else say
+            check_names(payload)
+        except (ValueError, DuplicateName):
+            return None
+    if tuple(body) != _LAYOUTS[Pose].always or map_size(payload) != len(body) + bool(say):
         return None
     values = tuple(body.values())
     if tuple(map(type, values)) not in _POSE_TYPES:
@@ -155,7 +164,7 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
         and len(mode) <= TEXT_MAX
         and (not relayed or are_plain_reports(relayed))
     ):
-        return Pose(robot, tick, sequence, *rest)
+        return Pose(robot, tick, sequence, *rest, say=say)
     return None
 
 

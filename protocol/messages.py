@@ -29,6 +29,7 @@ from encircle.protocol.wire.field_types import (
     Items,
     Length,
     Packets,
+    Payload,
     PlainMap,
     Real,
     Robots,
@@ -39,6 +40,7 @@ from encircle.protocol.wire.field_types import (
     Point as Point,
 )
 from encircle.protocol.wire.limits import RAYS_MAX, RAYS_MIN, RELAYED_MAX
+from encircle.protocol.wire.payload import NOTHING_SAID
 
 QUANTA_PER_M = float(2**20)
 QUANTUM_M = 1.0 / QUANTA_PER_M
@@ -115,6 +117,18 @@ class Setup:
             "the first tick to be answered; see [Leaving and coming back](#leaving-and-coming-back)"
         ),
     ] = 0
+    policy_parameters: Annotated[
+        PlainMap,
+        Field("the policy's own parameters, by name", may_be_left_out=True),
+    ] = NOTHING_SAID
+    policy_source: Annotated[
+        Text,
+        Field(
+            "SHA-256 of the file that the policy is in, as the world has it, if the policy is not a"
+            " shipped one: a robot whose file is another refuses this setup",
+            may_be_left_out=True,
+        ),
+    ] = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,6 +254,13 @@ class Pose:
         Count | None,
         Field("the sender's clock as it sent this, Unix time in us; null in lock-step", "us"),
     ] = None
+    say: Annotated[
+        Payload,
+        Field(
+            "what its policy says to its peers, see [What policies say](#what-policies-say)",
+            may_be_left_out=True,
+        ),
+    ] = NOTHING_SAID
 
 
 @dataclass(frozen=True, slots=True)

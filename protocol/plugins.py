@@ -1,23 +1,26 @@
-"""Plug-ins: policies, target behaviours and measures of other packages, found by entry point.
+"""Plug-ins: policies, target behaviours and measures of other people.
 
-A plug-in is named in a scenario or a study and is other people's code: it may be missing, broken,
-or fail at any tick of a run. Then it is named in full, with where it comes from, and so is the
-error. There is one ``Registry`` for each group of entry points; what is shipped with this program
-comes before plug-ins of the same name.
+They are found by entry point, or by the file that they are in (``my_robots.py:auction``). A plug-in
+is named in a scenario or a study and is other people's code: it may be missing, broken, or fail at
+any tick of a run. Then it is named in full, with where it comes from, and so is the error. There is
+one ``Registry`` for each group of entry points; what is shipped with this program comes before
+plug-ins of the same name.
 """
 
 import reprlib
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from math import nan
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from encircle.protocol.messages import Point
+from encircle.protocol.plugin_files import FileProblem, function_in_file, is_in_file, source_digest
 from encircle.protocol.suggestions import did_you_mean
 from encircle.protocol.wire.limits import NUMBER_MAX
 
@@ -92,13 +95,19 @@ class Plugin:
 
     def load(self) -> Any:
         """What the entry point names; ``PluginLoadError`` if that cannot be had or called."""
-        try:
-            loaded = self.entry.load()
-        except (Exception, SystemExit) as error:
-            raise PluginLoadError(f"{self.source} cannot be loaded: {error_line(error)}") from error
-        if not callable(loaded):
-            raise PluginLoadError(f"{self.source} is {type(loaded).__name__}, must be a function")
-        return loaded
+        return _loaded(self.entry.load, self.source)
+
+
+def _loaded(load: Callable[[], Any], source: str) -> Any:
+    try:
+        loaded = load()
+    except FileProblem as error:
+        raise PluginLoadError(str(error)) from None
+    except (Exception, SystemExit) as error:
+        raise PluginLoadError(f"{source} cannot be loaded: {error_line(error)}") from error
+    if not callable(loaded):
+        raise PluginLoadError(f"{source} is {type(loaded).__name__}, must be a function")
+    return loaded
 
 
 def installed(group: str) -> dict[str, Plugin]:
@@ -133,10 +142,11 @@ def _search_path_state() -> tuple[tuple[int, ...], ...]:
 
 @dataclass(frozen=True, slots=True)
 class Registry:
-    """Everything of one group that can be named: what is shipped, and plug-ins.
+    """Everything of one group that can be named: what is shipped, plug-ins, functions in files.
 
-    ``shipped``: functions by name. They are declared as entry points too; to look those up costs
-    20 ms, which a robot's start need not pay.
+    ``shipped``: functions by name, or where they are (``module:function``), imported when they are
+    named. They are declared as entry points too; to look those up costs 20 ms, which a robot's
+    start need not pay.
     """
 
     group: str
@@ -149,10 +159,15 @@ class Registry:
     def named(self, name: str) -> Any:
         """The function of that name; ``UnknownPlugin`` if there is none.
 
-        ``PluginLoadError`` if it is installed but cannot be loaded.
+        ``PluginLoadError`` if it is installed, or in a file, but cannot be loaded.
         """
         if name in self.shipped:
-            return self.shipped[name]
+            shipped = self.shipped[name]
+            return resolve_name(shipped) if isinstance(shipped, str) else shipped
+        if is_in_file(name):
+            return _loaded(partial(function_in_file, name), name)
+        if ":" in name:
+            return _loaded(partial(resolve_name, name), name)
         plugin = installed(self.group).get(name)
         if plugin is None:
             raise UnknownPlugin(self._unknown(name))
@@ -161,6 +176,12 @@ class Registry:
     def problem_with(self, name: str) -> str:
         """Why that name cannot be used; empty if it can. Of plug-ins only this one is loaded."""
         if name in self.shipped:
+            return ""
+        if ":" in name:
+            try:
+                self.named(name)
+            except PluginLoadError as error:
+                return str(error)
             return ""
         plugin = installed(self.group).get(name)
         if plugin is None:
@@ -176,6 +197,16 @@ class Registry:
         known = self.names()
         kind = KINDS[self.group]
         return f"unknown {kind}{did_you_mean(name, known)}; known are: {', '.join(known)}"
+
+
+def policy_source(name: str) -> str:
+    """SHA-256 of the file that a policy is in; empty for a shipped one, or one that is in none.
+
+    ``PluginLoadError`` or ``UnknownPlugin`` if the policy cannot be had.
+    """
+    if name in SHIPPED_POLICIES:
+        return ""
+    return source_digest(Registry(STRATEGIES).named(name))
 
 
 def error_line(error: BaseException) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import hypot
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from encircle.agents.estimation import kalman
 from encircle.agents.estimation.kalman import Detection, Track
@@ -17,13 +17,14 @@ from encircle.agents.estimation.spline import extrapolate
 from encircle.agents.planning.collision_avoidance import avoid
 from encircle.agents.planning.search import Search, search_goal
 from encircle.agents.policies.decision_check import validated
-from encircle.agents.policies.policies import Decision, Policy, View
+from encircle.agents.policies.interface import Decision, Policy, View
 from encircle.agents.teamwork import peers as team
 from encircle.agents.teamwork.publishing import ReceiverModel, next_receiver_model, should_publish
 from encircle.agents.teamwork.relaying import detections_to_relay, relayed_detections
 from encircle.protocol.messages import Command, Observation, Point, Pose, quantise_m
 from encircle.protocol.parameters import Parameters
 from encircle.protocol.plugins import STRATEGIES, PluginFailed
+from encircle.protocol.wire.payload import NOTHING_SAID, FrozenMap
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,7 @@ def indices_of(team_ids: tuple[str, ...]) -> dict[str, int]:
 class BrainState(NamedTuple):
     """All that a robot remembers from one tick to the next.
 
+    ``packets``: the newest packet heard from each robot, ``memory``: what its policy remembers.
     ``goal``: the encirclement point that it headed for, None if for none; ``receiver_model``: what
     its peers know from its packets, None if it publishes without regard to that; ``lost``: the
     peers that the world reports as lost.
@@ -64,6 +66,8 @@ class BrainState(NamedTuple):
     goal: Point | None = None
     receiver_model: ReceiverModel | None = None
     lost: team.Lost = ()
+    packets: tuple[Pose | None, ...] = ()
+    memory: Any = None
 
 
 class Action(NamedTuple):
@@ -79,7 +83,8 @@ class Action(NamedTuple):
 def initial(config: RobotConfig, first_tick: int = 0) -> BrainState:
     """The state of a robot that knows nothing yet; its first observation is of ``first_tick``."""
     track = kalman.EMPTY_TRACK._replace(first_tick=first_tick)
-    return BrainState((None,) * len(config.team), track, None, None)
+    nothing = (None,) * len(config.team)
+    return BrainState(nothing, track, None, None, packets=nothing)
 
 
 def step(
@@ -107,7 +112,12 @@ def step(
         )
     present = team.without_lost(peers, lost)
     planned_team = team.planning_team(present, own, observation.position, tick, config.parameters)
-    decision, search = _decide(state, track, planned_team, observation, config)
+    if received:
+        state = state._replace(packets=_newest_packets(state.packets, received))
+    heard = tuple([packet for _, packet in received])
+    memory, decision, search = _decide(
+        state, track, present, planned_team, observation, heard, config
+    )
     estimate = track.estimate
     x, y = observation.position
     wanted = _limit_step(decision.step, config.parameters.step_m_max)
@@ -136,8 +146,23 @@ def step(
     receiver_model = next_receiver_model(
         state.receiver_model, pose, tick, config.tick_s, config.parameters
     )
-    after = BrainState(peers, track, observation.position, search, goal, receiver_model, lost)
+    after = BrainState(
+        *(peers, track, observation.position, search, goal, receiver_model, lost),
+        *(state.packets, memory),
+    )
     return after, Action(pose, command)
+
+
+def _newest_packets(
+    packets: tuple[Pose | None, ...], received: Sequence[tuple[int, Pose]]
+) -> tuple[Pose | None, ...]:
+    """The newest packet of each robot, after these: ``(index, packet)``, oldest first."""
+    newest = list(packets)
+    for index, packet in received:
+        known = newest[index]
+        if known is None or (packet.tick, packet.sequence) > (known.tick, known.sequence):
+            newest[index] = packet
+    return tuple(newest)
 
 
 def _skip_to(state: BrainState, tick: int, config: RobotConfig) -> tuple[BrainState, int]:
@@ -211,32 +236,55 @@ def _packet(
         detections_to_relay(track, tick, config.own, config.team, parameters.relay_age_ticks_max)
         if parameters.detections == "relay"
         else (),
+        None,
+        decision.say if isinstance(decision.say, FrozenMap) else NOTHING_SAID,
     )
 
 
 def _decide(
     state: BrainState,
     track: Track,
+    known: team.PeerTable,
     planned_team: team.Team,
     observation: Observation,
+    heard: tuple[Pose, ...],
     config: RobotConfig,
-) -> tuple[Decision, Search | None]:
-    """The policy's decision, or the search's, and the search if one is under way.
+) -> tuple[Any, Decision, Search | None]:
+    """What the policy remembers and decides, and the default search if one is under way.
 
     ``PluginFailed`` if the policy raises, or its decision is impossible.
     """
-    parameters, tick = config.parameters, observation.tick
-    estimate = track.estimate
-    if estimate is None:
-        x, y = observation.position
-        search = state.search or Search(x, y, tick)
+    parameters, tick, position = config.parameters, observation.tick, observation.position
+    search = searching = None
+    if track.estimate is None:
+        search = state.search or Search(*position, tick)
         goal = search_goal(search, tick, config.own, len(config.team), parameters)
-        return Decision("search", (goal[0] - x, goal[1] - y), goal), search
-    predict = partial(extrapolate, track, config.tick_s, parameters)
-    target = (estimate.x, estimate.y)
-    view = View(planned_team.own, planned_team.positions, target, predict, parameters, state.goal)
+        searching = Decision("search", (goal[0] - position[0], goal[1] - position[1]), goal)
+    x, y = state.position or position
+    view = View(
+        tick,
+        config.tick_s,
+        config.robot,
+        config.team,
+        position,
+        planned_team.own,
+        planned_team.positions,
+        track.estimate,
+        partial(extrapolate, track, config.tick_s, parameters),
+        parameters,
+        state.goal,
+        (position[0] - x, position[1] - y),
+        planned_team.members,
+        heard,
+        None if track.estimate is None else tick - track.detected_tick,
+        observation.scan,
+        observation.seen,
+        searching,
+        known,
+        state.packets,
+    )
     try:
-        return validated(config.policy(view)), None
+        return *validated(config.policy(state.memory, view)), search
     except (Exception, SystemExit) as error:
         raise PluginFailed(STRATEGIES, config.name, config.robot, tick, error) from error
 

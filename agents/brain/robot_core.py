@@ -11,7 +11,8 @@ from dataclasses import replace
 
 from encircle.agents.brain import brain
 from encircle.agents.brain.observation_check import problem_of
-from encircle.agents.policies.policies import Decision, Policy, View, policy_named
+from encircle.agents.policies.interface import Decision, Policy, View
+from encircle.agents.policies.registry import policy_named
 from encircle.protocol.codec import decode, decode_pose, encode
 from encircle.protocol.errors import (
     MalformedMessage,
@@ -135,7 +136,8 @@ class RobotCore:
     def _policy_of(self, setup: Setup) -> tuple[Policy, PluginFailed | None]:
         """The policy of a setup, or why it cannot be loaded; ``ValueError`` if it is unknown."""
         try:
-            return policy_named(setup.strategy), None
+            parameters = setup.policy_parameters
+            return policy_named(setup.strategy, parameters, setup.policy_source), None
         except UnknownPlugin as error:
             raise ValueError(f"strategy = {setup.strategy!r}: {error}") from None
         except PluginLoadError as error:
@@ -230,7 +232,7 @@ class RobotCore:
         self._log(line)
 
 
-def _no_policy(view: View) -> Decision:
+def _no_policy(_memory: None, view: View) -> tuple[None, Decision]:
     raise AssertionError(f"a robot without a policy is not to decide: {view}")
 
 

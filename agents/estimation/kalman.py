@@ -20,6 +20,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from encircle.protocol.messages import Point
 from encircle.protocol.parameters import Parameters
 from encircle.protocol.process.deferred_imports import UNUSED, deferred, lazy
 
@@ -38,6 +39,11 @@ class Estimate(NamedTuple):
     vx: float
     vy: float
     covariance: tuple[float, float, float]
+
+    @property
+    def position(self) -> Point:
+        """Where the target is believed to be, in m."""
+        return self.x, self.y
 
 
 Detection: TypeAlias = tuple[int, int, float, float]

@@ -6,19 +6,27 @@ elsewhere, where nothing shows which policy it came from.
 
 from typing import Any
 
-from encircle.agents.policies.policies import Decision
+from encircle.agents.policies.interface import Decision
 from encircle.protocol.messages import CommandMode
 from encircle.protocol.plugins import InvalidPluginResult, pair_of_m, shown
 from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, TEXT_MAX
+from encircle.protocol.wire.payload import FrozenMap, payload
 
 
-def validated(decision: Any) -> Decision:
-    """The decision, its numbers as plain ones; ``InvalidPluginResult`` if it is not one."""
-    if not isinstance(decision, Decision):
+def validated(answer: Any) -> tuple[Any, Decision]:
+    """What a policy remembers and its decision, numbers as plain ones, what it says frozen.
+
+    ``InvalidPluginResult`` if the answer is no such pair.
+    """
+    if type(answer) is not tuple or len(answer) != 2 or not isinstance(answer[1], Decision):
         raise InvalidPluginResult(
-            f"{shown(decision)}: must be a Decision (encircle.agents.policies.policies)"
+            f"{shown(answer)}: must be what it remembers, and a Decision (encircle.Decision)"
         )
-    mode, step, goal, xi, point, predictor = decision
+    return answer[0], _valid_decision(answer[1])
+
+
+def _valid_decision(decision: Decision) -> Decision:
+    mode, step, goal, xi, point, predictor, say = decision
     _check_text("mode", mode)
     if mode in tuple(CommandMode):
         raise InvalidPluginResult(
@@ -27,7 +35,15 @@ def validated(decision: Any) -> Decision:
     if predictor is not None:
         _check_text("predictor", predictor)
     step, goal = pair_of_m("step", step), pair_of_m("goal", goal)
-    return Decision(mode, step, goal, _prediction_step(xi), _point(point), predictor)
+    said = None if say is None else _payload(say)
+    return Decision(mode, step, goal, _prediction_step(xi), _point(point), predictor, said)
+
+
+def _payload(say: Any) -> FrozenMap:
+    try:
+        return payload(say)
+    except ValueError as error:
+        raise InvalidPluginResult(f"say = {shown(say)}: must be {error}") from None
 
 
 def _check_text(name: str, value: Any) -> None:

@@ -217,7 +217,7 @@ def _check_parameter(value: Any) -> None:
 
 
 def _map(value: Any) -> dict[str, Any]:
-    if type(value) is dict and all(type(name) is str for name in value):
+    if isinstance(value, dict) and all(type(name) is str for name in value):
         return value
     raise ValueError("a map with string keys")
 

@@ -12,7 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, NamedTuple, TypeAlias, Union, get_args, get_origin
 
 from encircle.protocol.wire import checks
-from encircle.protocol.wire.limits import COUNT_MAX, LIST_MAX, NUMBER_MAX, TEXT_MAX
+from encircle.protocol.wire.limits import (
+    COUNT_MAX,
+    LIST_MAX,
+    NUMBER_MAX,
+    SAY_BYTES_MAX,
+    TEXT_MAX,
+)
+from encircle.protocol.wire.payload import FrozenMap, payload
 
 Schema: TypeAlias = dict[str, Any]
 
@@ -123,6 +130,17 @@ PlainMap: TypeAlias = Annotated[
         "maps",
         {"type": "object"},
         checks.parameters,
+        has_map=True,
+    ),
+]
+
+Payload: TypeAlias = Annotated[
+    FrozenMap,
+    FieldType(
+        f"map as below, of at most {SAY_BYTES_MAX:,} bytes",
+        "maps as below",
+        {"type": "object"},
+        payload,
         has_map=True,
     ),
 ]

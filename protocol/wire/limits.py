@@ -14,5 +14,9 @@ RAYS_MIN, RAYS_MAX = 8, 360
 """Rays of a range scan."""
 RELAYED_MAX = 16
 """Detections by others that one pose packet repeats."""
+SAY_BYTES_MAX = 1024
+"""Bytes of what a policy says with one pose packet, as msgpack."""
+SAY_DEPTH_MAX = 6
+"""How deep lists and maps may be nested in it."""
 RECEIPTS_MAX = 256
 """Receipts that one command carries."""

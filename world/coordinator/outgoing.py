@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from encircle.protocol.codec import encode
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.messages import End, Observation, PoseCarrier, Radio, Setup
+from encircle.protocol.plugins import policy_source
 from encircle.protocol.wire.limits import REASON_MAX
 from encircle.world.arena.engine import Arena
 from encircle.world.channel.channel import Fates
@@ -32,6 +33,8 @@ def setup_message(arena: Arena, run: str, robot: str, tick: int) -> tuple[str, b
         PoseCarrier(scenario.radio),
         tick,
         tick,
+        scenario.team.policy_parameters,
+        policy_source(scenario.team.strategy),
     )
     return robot_key(run, robot, "setup"), encode(setup, run)
 

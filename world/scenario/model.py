@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from encircle.protocol import VERSION
 from encircle.protocol.messages import PoseCarrier
 from encircle.protocol.parameters import Unit
 from encircle.world.scenario.channel_model import (
@@ -25,6 +24,8 @@ from encircle.world.scenario.channel_model import (
 from encircle.world.scenario.fields import ROBOTS_MAX, SEED_END, Deviation, Length, Model, Position
 
 SPACING_BODIES = 1.5
+DIGEST_VERSION = 3
+"""Version of what the digest of a run is made of; it need not change with that of the wire."""
 
 
 class Placement(Model):
@@ -48,7 +49,10 @@ class Team(Model):
     placement: Placement = Placement()
     """Where robots without given positions start."""
     strategy: str = "xi-star"
-    """Name of the robots' policy: a shipped one or that of an installed plug-in."""
+    """Name of the robots' policy: a shipped one, that of an installed plug-in, or
+    ``path/file.py:function``."""
+    policy_parameters: dict[str, Any] = Field(default_factory=dict)
+    """The policy's own parameters."""
     radius_m: Length = 0.5
     """Radius of a robot's body."""
     step_m_max: Length = 0.3
@@ -206,4 +210,6 @@ def digest_header(scenario: Scenario, seed: int) -> str:
     """
     texts = {"title", "description", "seed"}
     changed = scenario.model_dump(mode="json", exclude=texts, exclude_defaults=True)
-    return json.dumps({"version": VERSION, "seed": seed, "scenario": changed}, sort_keys=True)
+    return json.dumps(
+        {"version": DIGEST_VERSION, "seed": seed, "scenario": changed}, sort_keys=True
+    )

@@ -1,0 +1,44 @@
+"""The shipped policies by name, each imported when it is named; then plug-ins, then files."""
+
+from collections.abc import Mapping
+from functools import lru_cache, partial
+from typing import Any
+
+from encircle.agents.policies.interface import Policy
+from encircle.protocol.plugin_files import is_in_file, source_digest
+from encircle.protocol.plugins import STRATEGIES, PluginLoadError, Registry
+
+_ROOM = "encircle.agents.policies"
+SHIPPED: dict[str, str] = {
+    "xi-star": f"{_ROOM}.paper:xi_star",
+    "xi-0": f"{_ROOM}.paper:xi_0",
+    "xi-1": f"{_ROOM}.paper:xi_1",
+    "xi-3": f"{_ROOM}.paper:xi_3",
+    "pursuit": f"{_ROOM}.paper:pursue",
+}
+REGISTRY = Registry(STRATEGIES, SHIPPED)
+SHOWN_DIGITS = 12
+
+
+def policy_named(
+    name: str, parameters: Mapping[str, Any] | None = None, source: str = ""
+) -> Policy:
+    """The policy of that name with its own parameters set; errors as of ``Registry.named``.
+
+    ``source``: the SHA-256 of the file that it must be in, any if empty; ``PluginLoadError`` if it
+    is in another one.
+    """
+    # Of a file there may be another version by now; what is installed stays as it is.
+    policy = REGISTRY.named(name) if is_in_file(name) else _installed(name)
+    if source and (here := source_digest(policy)) != source:
+        raise PluginLoadError(
+            f"its source here has SHA-256 {here[:SHOWN_DIGITS] or 'none'}, the world's"
+            f" {source[:SHOWN_DIGITS]}: put the world's file on this host"
+        )
+    return partial(policy, **parameters) if parameters else policy
+
+
+@lru_cache(maxsize=64)
+def _installed(name: str) -> Policy:
+    policy: Policy = REGISTRY.named(name)
+    return policy
