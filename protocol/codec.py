@@ -164,7 +164,7 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
         and len(mode) <= TEXT_MAX
         and (not relayed or are_plain_reports(relayed))
     ):
-        return Pose(robot, tick, sequence, *rest, say=say)
+        return Pose(*(robot, tick, sequence, *rest, say))
     return None
 
 

@@ -66,7 +66,7 @@ def _frozen(value: Any, key: str, depth: int) -> Any:
         if math.isfinite(value) if kind is float else abs(value) <= COUNT_MAX:
             return value
         raise ValueError(f"made of {VALUES}; {key or 'it'} is {value!r}")
-    holds = isinstance(value, Mapping), isinstance(value, list | tuple)
+    holds = isinstance(value, Mapping), kind in (list, tuple)
     if any(holds) and depth == 0:
         raise ValueError(f"nested {SAY_DEPTH_MAX} deep at most; {key} is deeper")
     if holds[0]:

@@ -3,9 +3,12 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import cos, hypot, inf, pi, sin, sqrt
+from typing import Any
 
 from encircle.agents.brain.brain import Action, BrainState, RobotConfig, initial, step
-from encircle.agents.policies.policies import Policy, encircle_or_shrink
+from encircle.agents.estimation.kalman import Estimate
+from encircle.agents.policies.interface import Policy, Predict, View
+from encircle.agents.policies.paper import xi_star
 from encircle.protocol.messages import Command, Observation, Point, Pose
 from encircle.protocol.parameters import Parameters
 
@@ -47,8 +50,37 @@ def pose(
     return Pose(robot, tick, tick, position, velocity, detection, "encircle", 0.0, 0, relayed)
 
 
+def view_of(
+    positions: Sequence[Point],
+    own: int,
+    target: Point | None,
+    predict: Predict,
+    parameters: Parameters = Parameters(),  # noqa: B008  # it is frozen
+    previous_goal: Point | None = None,
+    **others: Any,
+) -> View:
+    """What a policy sees of robots at these positions, all of which it plans with."""
+    team = tuple(f"r{k + 1}" for k in range(len(positions)))
+    estimate = None if target is None else Estimate(*target, 0.0, 0.0, (1e-4, 0.0, 1.0))
+    return View(
+        others.pop("tick", 7),
+        TICK_S,
+        team[own],
+        team,
+        positions[own],
+        own,
+        tuple(positions),
+        estimate,
+        predict,
+        parameters,
+        previous_goal,
+        members=tuple(range(len(positions))),
+        **others,
+    )
+
+
 def config(
-    strategy: Policy = encircle_or_shrink,
+    strategy: Policy = xi_star,
     robot: str = "r1",
     team: tuple[str, ...] = TEAM,
     **changed: object,

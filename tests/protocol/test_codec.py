@@ -235,7 +235,7 @@ def test_decode_pose_is_decode_and_checks_the_run_each_time():
 @pytest.mark.parametrize(
     "message",
     [
-        Pose("r" * 2100, 0, 0, (0.0, 0.0), (0.0, 0.0), None, "m", None, None),
+        Pose("r" * 4200, 0, 0, (0.0, 0.0), (0.0, 0.0), None, "m", None, None),
         End("r1", 0, "x" * 2000),
         Setup("r1", ("r1",), 0.1, "xi-star", {"x" * 70_000: 1}),
     ],

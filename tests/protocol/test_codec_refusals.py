@@ -67,6 +67,16 @@ NUMBERS = (
 COUNTS_BY_NAME = (None, [], "a", {"a": -1}, {"a": 1.5}, {"a": None}, {b"a": 1}, {"a": True})
 NO_FATES = ([[0, 5]], [[0, 5], [5]], [[5, 5], [5, 0]], [[0, 4], [0, 0]], [[0, -11], [0, 0]])
 """No tables of what became of packets that two robots sent at tick 4."""
+NOT_PLAIN: tuple[Any, ...] = (
+    *(None, [], "a", 1.0, {b"a": 1}, {"a": {b"a": 1}}),
+    *({"a": number} for number in (nan, inf, -inf, 2**53)),
+    *({"a": [1.0, {"b": [[number]]}]} for number in (nan, -inf)),
+    {"a": msgpack.ExtType(5, b"ab")},
+    {"a": [msgpack.Timestamp(1, 2)]},
+)
+PLAIN_MAP = (*NOT_PLAIN, *({"a": number} for number in TOO_LARGE), {"a": [1.0, {"b": [[1e9]]}]})
+DEEP: Any = {"a": {"a": {"a": {"a": {"a": {"a": {"a": 1}}}}}}}
+SAY = (*NOT_PLAIN, {"a": "x" * 1030}, {"a": {"b": b"x" * 1030}}, DEEP)
 
 WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
     Setup: {
@@ -74,13 +84,9 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
         "team": (*NOT_A_LIST, [1], [None], ["r1", b"r2"], ["r"] * 257, ["r1", "r1"], [""], ["r 1"]),
         "tick_s": (*NUMBER, 0.0, 0, -0.1),
         "strategy": TEXT,
-        "parameters": (
-            *(None, [], "a", 1.0, {b"a": 1}, {"a": {b"a": 1}}),
-            *({"a": number} for number in (nan, inf, -inf, 2**53, *TOO_LARGE)),
-            *({"a": [1.0, {"b": [[number]]}]} for number in (nan, -inf, 1e9)),
-            {"a": msgpack.ExtType(5, b"ab")},
-            {"a": [msgpack.Timestamp(1, 2)]},
-        ),
+        "parameters": PLAIN_MAP,
+        "policy_parameters": PLAIN_MAP,
+        "policy_source": TEXT,
         "radio": (*TEXT, "", "World", "wifi", {}, ["world"]),
         "first_tick": COUNT,
         "answer_tick": COUNT,
@@ -156,6 +162,7 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
             [["r1", 2, 1, 2]] * 17,
         ),
         "sent_us": COUNT_OR_NONE,
+        "say": SAY,
     },
     Command: {
         "robot": TEXT,
@@ -305,7 +312,7 @@ def test_an_unknown_field_in_place_of_another_names_both(kind):
 
 
 @KINDS
-@pytest.mark.parametrize("version", [0, 2, 4, -1, "3", None, True, 1.0])
+@pytest.mark.parametrize("version", [0, 2, 3, 5, -1, "4", None, True, 1.0])
 def test_another_version_is_refused_before_anything_else_is_looked_at(kind, version):
     payload = msgpack.packb({**body_of_sample(kind), "v": version, "speed": 1.0})
     assert f"version {version!r}," in refusal(kind, payload, WrongVersion)

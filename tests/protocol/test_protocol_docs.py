@@ -15,6 +15,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from helpers_agents import view_of
 from helpers_commands import ours, started_unheard
 from helpers_hosts import NodeProcess, wait_for_robots
 from helpers_paths import DOCS
@@ -22,7 +23,7 @@ from helpers_protocol_page import PAGE, program, section
 from helpers_waiting import communicated, ended, until
 
 import encircle
-from encircle.agents.policies.policies import BUILT_IN, View
+from encircle.agents.policies.registry import SHIPPED, policy_named
 from encircle.protocol import VERSION
 from encircle.protocol.codec import BYTES_MAX
 from encircle.protocol.keys import world_key
@@ -200,7 +201,7 @@ def test_the_viewer_of_the_page_sees_a_hunt_until_its_world_is_gone(tmp_path):
 def test_the_strategies_of_the_page_are_the_ones_there_are():
     table = section("The hunt").split("| `strategy` |")[1].split("\n\n")[0]
     rows = re.findall(r"^\| (`.*?) \|", table, re.MULTILINE)
-    assert [name.strip("`") for row in rows for name in row.split(", ")] == list(BUILT_IN)
+    assert [name.strip("`") for row in rows for name in row.split(", ")] == list(SHIPPED)
 
 
 def test_a_capture_is_what_the_page_says():
@@ -236,8 +237,7 @@ def test_ring_points_and_shrinking_are_what_the_page_says():
             (float(x), float(y))
             for x, y in zip(away * np.cos(turns), away * np.sin(turns), strict=True)
         ]
-        view = View(1, team, target, predict, known)
-        choice = BUILT_IN["xi-3"](view)
+        _, choice = policy_named("xi-3")(None, view_of(team, 1, target, predict, known))
         gaps = np.diff([*turns, turns[0] + 2 * pi])
         closes = away.max() <= 1.5 * known.ring_radius_m and gaps.max() <= 0.9 * pi
         assert choice.mode == ("shrink" if closes else "encircle")

@@ -294,7 +294,7 @@ SAYING = [
     Rule("a channel that is the world's", "out-of-turn", lambda d: (world_key(RUN, "state"), b"")),
     Rule(NAMES, "unknown-key", lambda d: (robot_key(RUN, d.choice(NO_NAMES), "pose"), b"")),
     Rule("`run` is not this", "wrong-run", lambda d: (robot_key("x", "r1", "pose"), b"")),
-    Rule("longer than", "oversized", lambda d: ("pose", b"\0" * 2049)),
+    Rule("longer than", "oversized", lambda d: ("pose", b"\0" * 4097)),
     Rule("longer than", "oversized", lambda d: ("command", b"\0" * 16_385)),
 ]
 

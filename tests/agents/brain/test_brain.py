@@ -19,7 +19,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from encircle.agents.brain.brain import initial, step
-from encircle.agents.policies.policies import BUILT_IN, Decision
+from encircle.agents.policies.interface import Decision
+from encircle.agents.policies.registry import SHIPPED, policy_named
 from encircle.protocol.messages import QUANTUM_M, Observation
 from encircle.protocol.parameters import Parameters
 
@@ -61,10 +62,10 @@ def state_at(part, tick):
 
 
 @CHEAP
-@given(situations(), st.sampled_from(sorted(BUILT_IN)))
+@given(situations(), st.sampled_from(sorted(SHIPPED)))
 def test_the_same_inputs_give_the_same_outputs_and_stay_as_they_are(situation, name):
     sensed, packets = situation
-    part = config(BUILT_IN[name])
+    part = config(policy_named(name))
     state = state_at(part, 12)
     before = pickle.dumps((state, sensed, packets))
     first = step(state, sensed, packets, part)
@@ -97,10 +98,10 @@ def test_of_two_packets_of_one_robot_and_tick_the_lower_sequence_counts_in_any_o
 
 
 @CHEAP
-@given(situations(), st.sampled_from(sorted(BUILT_IN)))
+@given(situations(), st.sampled_from(sorted(SHIPPED)))
 def test_no_step_is_longer_than_the_robot_can_make(situation, name):
     sensed, packets = situation
-    part = config(BUILT_IN[name])
+    part = config(policy_named(name))
     _, action = step(state_at(part, 12), sensed, packets, part)
     # Rounding to the wire's resolution may add up to one quantum.
     assert hypot(*action.command.step) <= P.step_m_max + QUANTUM_M
@@ -109,7 +110,7 @@ def test_no_step_is_longer_than_the_robot_can_make(situation, name):
 @CHEAP
 @given(st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)), st.floats(0.01, 2.0))
 def test_whatever_a_strategy_wants_is_shortened_and_keeps_its_direction(wanted, longest):
-    part = config(lambda view: Decision("leap", wanted, view.target), step_m_max=longest)
+    part = config(always("leap", wanted), step_m_max=longest)
     _, commands = run_brain(part, [observation(target=(500.0, 0.0))], None)
     scale = min(1.0, longest / max(hypot(*wanted), 1e-12))
     expected = (wanted[0] * scale, wanted[1] * scale)
@@ -117,13 +118,19 @@ def test_whatever_a_strategy_wants_is_shortened_and_keeps_its_direction(wanted, 
     assert [(c * 2**20).is_integer() for c in commands[0].step] == [True, True]
 
 
+def always(mode, step, **others):
+    """A strategy that always wants the same."""
+    return lambda memory, view: (memory, Decision(mode, step, (0.0, 0.0), **others))
+
+
 def spy():
-    """A strategy that notes the views it is given."""
+    """A strategy that notes the views it is given of a target."""
     views = []
 
-    def strategy(view):
-        views.append(view)
-        return Decision("spy", (0.0, 0.0), view.target)
+    def strategy(memory, view):
+        if view.target is not None:
+            views.append(view)
+        return memory, view.search or Decision("spy", (0.0, 0.0), view.target.position)
 
     return strategy, views
 
@@ -276,9 +283,9 @@ def test_a_strategy_is_told_the_encirclement_point_it_chose_last():
     views = []
     points = iter([0, 3, None, 2])
 
-    def strategy(view):
+    def strategy(memory, view):
         views.append(view)
-        return Decision("ring", (0.0, 0.0), (1.5, 2.0 * len(views)), 0.0, next(points))
+        return memory, Decision("ring", (0.0, 0.0), (1.5, 2.0 * len(views)), 0.0, next(points))
 
     run_brain(config(strategy), waiting(4, target=(4.0, 0.0)), None)
     assert [view.previous_goal for view in views] == [None, (1.5, 2.0), (1.5, 4.0), None]
@@ -286,14 +293,17 @@ def test_a_strategy_is_told_the_encirclement_point_it_chose_last():
 
 def test_a_point_headed_for_is_forgotten_when_the_target_is_lost():
     strategy, views = spy()
-    part = config(lambda view: replace_point(strategy(view)), track_age_ticks_max=2)
+    part = config(
+        lambda memory, view: (None, replace_point(strategy(memory, view)[1], view)),
+        track_age_ticks_max=2,
+    )
     seen_at = {0: (4.0, 0.0), 6: (4.0, 0.0)}
     run_brain(part, [observation(tick=t, target=seen_at.get(t)) for t in range(8)], None)
     assert [view.previous_goal is None for view in views] == [True, False, False, True, False]
 
 
-def replace_point(choice):
-    return choice._replace(point=1)
+def replace_point(choice, view):
+    return choice if view.target is None else choice._replace(point=1)
 
 
 def test_the_first_pose_has_no_velocity_and_sequences_go_up_by_one():
@@ -307,7 +317,7 @@ def test_the_first_pose_has_no_velocity_and_sequences_go_up_by_one():
 
 
 def test_robots_in_sight_and_walls_are_kept_clear_of():
-    part = config(lambda view: Decision("ahead", (0.3, 0.0), view.target))
+    part = config(always("ahead", (0.3, 0.0)))
     ahead = observation(target=(50.0, 0.0), seen=(("r2", 1.3, 0.0),))
     walled = observation(target=(50.0, 0.0), scan=ring_of_rays((0, 0), [(1.2, 0.0, 0.5)], 24))
     for sensed in (ahead, walled):

@@ -11,20 +11,13 @@ from math import atan2, cos, exp, hypot, pi, sin
 
 import numpy as np
 import pytest
+from helpers_agents import view_of
 from helpers_paths import ROOT
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from encircle.agents.policies.policies import (
-    BUILT_IN,
-    View,
-    encircle_or_shrink,
-    policy_named,
-    pursue,
-    xi_0,
-    xi_1,
-    xi_3,
-)
+from encircle.agents.policies.paper import pursue, xi_0, xi_1, xi_3, xi_star
+from encircle.agents.policies.registry import SHIPPED, policy_named
 from encircle.protocol.parameters import Parameters
 from encircle.protocol.plugins import SHIPPED_POLICIES, STRATEGIES
 
@@ -43,7 +36,13 @@ def view(positions, own=0, target=(0.0, 0.0), drift=DRIFT, parameters=P, goal=No
         steps = np.array(grid)[:, None]
         return np.array(target) + steps * np.array(drift), "velocity"
 
-    return View(own, tuple(positions), target, predict, parameters, goal)
+    return view_of(positions, own, target, predict, parameters, goal)
+
+
+def decided(seen, policy=xi_star):
+    memory, decision = policy(None, seen)
+    assert memory is None
+    return decision
 
 
 def planned(positions, target, grid):
@@ -80,7 +79,7 @@ def test_a_robot_heads_for_its_point_of_the_ring_at_xi_star(positions, target, d
     assume(all(plan[3] for plan in plans) and weighted[1] - weighted[0] > 1e-6)
     xi = min(range(7), key=lambda k: plans[k][0])
     own = data.draw(st.integers(0, len(positions) - 1))
-    choice = encircle_or_shrink(view(positions, own, target))
+    choice = decided(view(positions, own, target))
     point = plans[xi][1][own]
     assert (choice.mode, choice.xi, choice.point) == ("encircle", float(xi), point)
     assert choice.goal == pytest.approx(plans[xi][2][point])
@@ -93,7 +92,7 @@ def test_a_robot_heads_for_its_point_of_the_ring_at_xi_star(positions, target, d
 @given(st.lists(places, min_size=2, max_size=6), places)
 def test_robots_with_the_same_view_go_to_different_points(positions, target):
     assume(max(hypot(x - target[0], y - target[1]) for x, y in positions) > 6.01)
-    choices = [encircle_or_shrink(view(positions, own, target)) for own in range(len(positions))]
+    choices = [decided(view(positions, own, target)) for own in range(len(positions))]
     assert sorted(choice.point for choice in choices) == list(range(len(positions)))
     assert len({choice.xi for choice in choices}) == 1
 
@@ -101,7 +100,7 @@ def test_robots_with_the_same_view_go_to_different_points(positions, target):
 @pytest.mark.parametrize(("strategy", "xi"), [(xi_0, 0.0), (xi_1, 1.0), (xi_3, 3.0)])
 def test_fixed_steps_look_exactly_that_far_ahead(strategy, xi):
     positions = [(10.0, 0.0), (0.0, 9.0)]
-    choice = strategy(view(positions))
+    choice = decided(view(positions), strategy)
     _, way, ring, _ = planned(positions, (0.0, 0.0), (xi,))[0]
     assert (choice.xi, choice.point) == (xi, way[0])
     assert choice.goal == pytest.approx(ring[way[0]])
@@ -114,7 +113,7 @@ def test_a_point_once_chosen_is_kept_unless_another_gains_the_team_enough(
 ):
     assume(max(hypot(x - target[0], y - target[1]) for x, y in positions) > 6.01)
     own = data.draw(st.integers(0, len(positions) - 1))
-    free = encircle_or_shrink(view(positions, own, target))
+    free = decided(view(positions, own, target))
     # xi* is chosen as ever, and the ring is the one at xi*.
     _, way, ring, clear = planned(positions, target, (free.xi,))[0]
     assume(clear and way[own] == free.point)
@@ -132,7 +131,7 @@ def test_a_point_once_chosen_is_kept_unless_another_gains_the_team_enough(
     for gain_m in (0.1, 1.0, 30.0):
         assume(abs(loss - gain_m) > 1e-4)
         parameters = replace(P, switch_gain_m=gain_m)
-        choice = encircle_or_shrink(view(positions, own, target, parameters=parameters, goal=goal))
+        choice = decided(view(positions, own, target, parameters=parameters, goal=goal))
         assert choice.point == (nearest if loss < gain_m else free.point)
         assert choice.xi == free.xi
         assert choice.goal == pytest.approx(ring[choice.point])
@@ -143,18 +142,18 @@ def test_a_point_once_chosen_is_kept_unless_another_gains_the_team_enough(
 @CHEAP
 @given(teams, places, places)
 def test_by_default_and_without_a_point_to_keep_the_choice_is_free(positions, target, goal):
-    free = encircle_or_shrink(view(positions, 0, target))
-    assert encircle_or_shrink(view(positions, 0, target, goal=goal)) == free
+    free = decided(view(positions, 0, target))
+    assert decided(view(positions, 0, target, goal=goal)) == free
     keeping = replace(P, switch_gain_m=100.0)
-    assert encircle_or_shrink(view(positions, 0, target, parameters=keeping)) == free
+    assert decided(view(positions, 0, target, parameters=keeping)) == free
 
 
 def test_by_default_a_tie_is_broken_as_ever_whatever_was_chosen_before():
     robots = [(10.0, 0.0), (10.0, 0.0)]
-    assert encircle_or_shrink(view(robots, 0, drift=(0.0, 0.0))).point == 0
-    assert encircle_or_shrink(view(robots, 0, drift=(0.0, 0.0), goal=(-4.0, 0.0))).point == 0
+    assert decided(view(robots, 0, drift=(0.0, 0.0))).point == 0
+    assert decided(view(robots, 0, drift=(0.0, 0.0), goal=(-4.0, 0.0))).point == 0
     keeping = replace(P, switch_gain_m=1e-6)
-    kept = encircle_or_shrink(view(robots, 0, (0.0, 0.0), (0.0, 0.0), keeping, (-4.0, 0.0)))
+    kept = decided(view(robots, 0, (0.0, 0.0), (0.0, 0.0), keeping, (-4.0, 0.0)))
     assert kept.point == 1
 
 
@@ -167,7 +166,7 @@ def test_a_robot_between_two_points_does_not_turn_back_and_forth():
             noise = 0.05 if tick % 2 else -0.05
             robots = [(-1.0, noise), (-1.0, -noise), (10.0, 0.0)]
             parameters = replace(P, switch_gain_m=gain_m, xi_grid=(0.0,))
-            goal = encircle_or_shrink(view(robots, 0, parameters=parameters, goal=goal)).goal
+            goal = decided(view(robots, 0, parameters=parameters, goal=goal)).goal
             found.append(goal[1] > 0.0)
         return found
 
@@ -186,34 +185,34 @@ def square(radius, count=4):
 def test_robots_shrink_once_all_are_within_k1_rho(radius, mode):
     positions = [(radius, 0.0), *square(4.0)[1:]]
     for own in range(4):
-        assert encircle_or_shrink(view(positions, own)).mode == mode
+        assert decided(view(positions, own)).mode == mode
 
 
 def test_robots_near_but_all_on_one_side_do_not_shrink():
     positions = [(4 * cos(angle), 4 * sin(angle)) for angle in (0.0, 0.5, 1.0, 1.5)]
-    assert {encircle_or_shrink(view(positions, own)).mode for own in range(4)} == {"encircle"}
+    assert {decided(view(positions, own)).mode for own in range(4)} == {"encircle"}
 
 
 @pytest.mark.parametrize("count", [3, 4, 5, 8])
 def test_in_an_even_ring_everyone_goes_straight_in_by_a_full_step(count):
     positions = square(4.0, count)
     for own, (x, y) in enumerate(positions):
-        choice = encircle_or_shrink(view(positions, own))
+        choice = decided(view(positions, own))
         assert choice.mode == "shrink"
         assert choice.step == pytest.approx((-0.3 * x / 4, -0.3 * y / 4))
         assert choice.goal == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("strategy", [pursue, encircle_or_shrink])
+@pytest.mark.parametrize("strategy", [pursue, xi_star])
 def test_at_the_stop_distance_nobody_goes_further_in(strategy):
     for radius in (1.1, 1.3):
-        assert hypot(*strategy(view(square(radius))).step) == pytest.approx(0.0, abs=1e-9)
-    assert hypot(*strategy(view(square(1.31))).step) > 0.2
+        assert hypot(*decided(view(square(radius)), strategy).step) == pytest.approx(0.0, abs=1e-9)
+    assert hypot(*decided(view(square(1.31)), strategy).step) > 0.2
 
 
 def test_the_last_step_stops_short_of_the_target():
     parameters = replace(P, step_m_max=2.0)
-    step = pursue(view([(3.0, 0.0)], parameters=parameters)).step
+    step = decided(view([(3.0, 0.0)], parameters=parameters), pursue).step
     touching = P.radius_m + P.target_radius_m + P.clearance_m
     assert 3.0 + step[0] == pytest.approx(touching)
 
@@ -222,14 +221,14 @@ def test_the_last_step_stops_short_of_the_target():
 @given(places, places)
 def test_pursuit_goes_straight_for_the_target_whatever_the_others_do(own, other):
     assume(hypot(*own) > 1.5)
-    choice = pursue(view([own, other]))
+    choice = decided(view([own, other]), pursue)
     scale = 0.3 / hypot(*own)
     assert choice.mode == "pursue"
     assert choice.step == pytest.approx((-own[0] * scale, -own[1] * scale))
 
 
 def test_a_robot_on_the_target_stays():
-    assert pursue(view([(0.0, 0.0)])).step == (0.0, 0.0)
+    assert decided(view([(0.0, 0.0)]), pursue).step == (0.0, 0.0)
 
 
 def wrapped(angle):
@@ -251,7 +250,7 @@ def test_a_shrinking_robot_drifts_into_the_larger_of_its_two_gaps(ring, target, 
         ahead = min((b - bearing) % (2 * pi) for b in others)
         behind = min((bearing - b) % (2 * pi) for b in others)
         assume(min(ahead, behind) > 1e-5 and abs(ahead - behind) > 1e-5)
-        choice = encircle_or_shrink(view(positions, own, target, parameters=parameters))
+        choice = decided(view(positions, own, target, parameters=parameters))
         assert choice.mode == "shrink"
         assert hypot(*choice.step) <= P.step_m_max + 1e-9
         x = positions[own][0] + choice.step[0] - target[0]
@@ -273,7 +272,7 @@ def test_the_sideways_step_is_at_most_half_the_way_to_the_middle_of_the_neighbou
     # minus 0.02, so the middle is 0.02 away.
     parameters = replace(P, allowance_rad=0.0, step_m_max=1.0)
     positions = [(1.25 * cos(b), 1.25 * sin(b)) for b in (-0.02, pi / 2, pi, -pi / 2)]
-    x, y = encircle_or_shrink(view(positions, parameters=parameters)).step
+    x, y = decided(view(positions, parameters=parameters)).step
     turn = wrapped(atan2(positions[0][1] + y, positions[0][0] + x) + 0.02)
     assert turn == pytest.approx(0.01, rel=0.01)
 
@@ -283,9 +282,7 @@ def test_a_lopsided_ring_evens_out_around_a_target_that_stands(bearings):
     parameters = replace(P, enclosure_rad=0.0)
     positions = [(5 * cos(b), 5 * sin(b)) for b in bearings]
     for _ in range(200):
-        steps = [
-            encircle_or_shrink(view(positions, own, parameters=parameters)).step for own in range(4)
-        ]
+        steps = [decided(view(positions, own, parameters=parameters)).step for own in range(4)]
         positions = [(x + u, y + v) for (x, y), (u, v) in zip(positions, steps, strict=True)]
     around = sorted(atan2(y, x) for x, y in positions)
     gaps = np.diff([*around, around[0] + 2 * pi])
@@ -295,27 +292,21 @@ def test_a_lopsided_ring_evens_out_around_a_target_that_stands(bearings):
 
 def test_names_stand_for_the_same_strategies_here_and_as_entry_points():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    declared = project["project"]["entry-points"][STRATEGIES]
-    names = {strategy: name for name, strategy in declared.items()}
-    assert set(declared) == set(BUILT_IN)
-    assert tuple(BUILT_IN) == SHIPPED_POLICIES
-    for name, strategy in BUILT_IN.items():
-        assert policy_named(name) is strategy
-        module, attribute = declared[name].split(":")
-        assert getattr(__import__(module, fromlist=[attribute]), attribute) is strategy
-    assert len(names) == len(declared)
+    assert project["project"]["entry-points"][STRATEGIES] == SHIPPED
+    assert tuple(SHIPPED) == SHIPPED_POLICIES
+    assert len({policy_named(name) for name in SHIPPED}) == len(SHIPPED)
 
 
 def test_an_unknown_strategy_is_refused_and_each_known_one_listed_once():
     with pytest.raises(ValueError, match="unknown policy; known are") as caught:
         policy_named("dance")
     listed = str(caught.value).split("known are: ")[1].split(", ")
-    assert sorted(listed) == sorted(BUILT_IN)
+    assert sorted(listed) == sorted(SHIPPED)
 
 
-@pytest.mark.parametrize("strategy", BUILT_IN.values(), ids=BUILT_IN)
-def test_a_strategy_is_pure(strategy):
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_strategy_is_pure(name):
     seen = view([(5.0, 1.0), (-3.0, 4.0), (0.0, -5.0)], own=1)
-    copy = View(*seen)
-    assert strategy(seen) == strategy(seen)
+    copy = replace(seen)
+    assert policy_named(name)(None, seen) == policy_named(name)(None, seen)
     assert seen == copy

@@ -16,7 +16,8 @@ from helpers_waiting import communicated
 import encircle
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.policies.decision_check import validated
-from encircle.agents.policies.policies import Decision, policy_named
+from encircle.agents.policies.interface import Decision
+from encircle.agents.policies.registry import _installed
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import Command, CommandMode, Setup
@@ -32,36 +33,37 @@ from encircle.world.targets.behaviours import behaviour_named
 
 SOURCE = """
 from math import nan
-from encircle.agents.policies.policies import Decision
+from encircle import Decision
 
 
 def chase(view, step=(0.1, 0.0), **other):
-    return Decision("chase", step, view.target, **other)
+    goal = view.target.position if view.target else view.position
+    return None, Decision("chase", step, goal, **other)
 
 
-def raises(view):
+def raises(memory, view):
     if view.positions[view.own][0] > 3.0:
         raise ZeroDivisionError("division by\\nnothing")
     return chase(view)
 
 
-def leaves(view):
+def leaves(memory, view):
     raise SystemExit("enough")
 
 
-def nan_step(view):
+def nan_step(memory, view):
     return chase(view, (nan, 0.0))
 
 
-def long_step(view):
+def long_step(memory, view):
     return chase(view, (0.1, 0.0, 0.0))
 
 
-def no_choice(view):
+def no_choice(memory, view):
     return (0.1, 0.0)
 
 
-def wild_point(view):
+def wild_point(memory, view):
     return chase(view, point=-1)
 
 
@@ -97,7 +99,7 @@ SAID = {
     "leaves": "SystemExit: enough",
     "nan_step": "answered step = (nan, 0.0): must be two numbers",
     "long_step": "answered step = (0.1, 0.0, 0.0): must be two numbers",
-    "no_choice": "answered (0.1, 0.0): must be a Decision",
+    "no_choice": "answered (0.1, 0.0): must be what it remembers, and a Decision",
     "wild_point": "answered point = -1: must be the number of a point",
     "tires": "RuntimeError: tired",
     "nan_target": "answered step = (nan, 0.0): must be two numbers",
@@ -119,7 +121,7 @@ def installed(tmp_path_factory, monkeypatch):
     yield folder
     plugins.forget(folder)
     behaviour_named.cache_clear()
-    policy_named.cache_clear()
+    _installed.cache_clear()
 
 
 def scenario(name, **changes):
@@ -417,18 +419,20 @@ class _Rude:
 def test_a_choice_with_a_value_that_cannot_be_is_refused_by_name(name, values):
     for value in values:
         with pytest.raises(InvalidPluginResult, match=rf"^{name} = |^{name} = a _Rude"):
-            validated(GOOD._replace(**{name: value}))
+            validated((None, GOOD._replace(**{name: value})))
 
 
 @pytest.mark.parametrize("given", [None, 3, "x", (1, 2), {}, _Rude()])
 def test_what_is_no_choice_is_refused(given):
-    with pytest.raises(InvalidPluginResult, match="must be a Decision"):
+    with pytest.raises(InvalidPluginResult, match="must be what it remembers, and a Decision"):
         validated(given)
 
 
 def test_what_numpy_makes_is_as_good_as_plain_numbers():
     given = Decision("mode", np.array([0.1, 0.2]), [1, 2.0], np.float64(1.0), np.int64(2), "spline")
-    assert validated(given) == GOOD
-    assert set(map(type, validated(given).step)) == {float}
-    assert type(validated(given).point) is int
-    assert validated(GOOD) == GOOD
+    memory, decision = validated((given, given))
+    assert memory is given
+    assert decision == GOOD
+    assert set(map(type, decision.step)) == {float}
+    assert type(decision.point) is int
+    assert validated((3, GOOD)) == (3, GOOD)

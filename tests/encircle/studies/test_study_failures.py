@@ -18,20 +18,20 @@ from encircle.studies.summary import summarise
 
 SOURCE = '''
 import os
-from encircle.agents.policies.policies import Decision
+from encircle import Decision
 
 
-def moody(view):
+def moody(memory, view):
     """Fails with some starts and not with others, unless a file says otherwise."""
     x, y = view.positions[view.own]
     cheerful = os.path.exists(os.environ.get("CHEERFUL", ""))
     if view.own == 0 and int(abs(x) * 1e4) % 10 == 0 and not cheerful:
         raise ValueError("not in the mood")
-    step = (view.target[0] - x, view.target[1] - y)
-    return Decision("moody", step, view.target)
+    goal = view.target.position if view.target else (x, y)
+    return memory, Decision("moody", (goal[0] - x, goal[1] - y), goal)
 
 
-def never(view):
+def never(memory, view):
     raise ValueError("never")
 '''
 

@@ -6,13 +6,13 @@ import sys
 from pathlib import Path
 
 STRATEGY = """
-from encircle.agents.policies.policies import Decision
+from encircle import Decision
 
 
-def chase(view):
-    x, y = view.positions[view.own]
-    step = (view.target[0] - x, view.target[1] - y)
-    return Decision("chase", step, view.target)
+def chase(memory, view):
+    x, y = view.position
+    goal = view.target.position if view.target else (x, y)
+    return memory, Decision("chase", (goal[0] - x, goal[1] - y), goal)
 """
 
 

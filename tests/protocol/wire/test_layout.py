@@ -54,7 +54,7 @@ def test_a_message_whose_fields_have_their_defaults_is_the_bytes_that_it_was():
 )
 def test_other_values_are_sent_and_come_back(message, fields):
     payload = encode(message, "g1")
-    head = {"v": 3, "run": "g1"}
+    head = {"v": 4, "run": "g1"}
     assert payload == msgpack.packb({**head, "robot": "r1", "tick": 7, **fields})
     assert decode(After, payload, "g1") == message
     assert begins_canonically(After, payload, "g1")
@@ -62,7 +62,7 @@ def test_other_values_are_sent_and_come_back(message, fields):
 
 
 def test_a_default_may_be_sent_all_the_same():
-    body = {"v": 3, "run": "g1", "robot": "r1", "tick": 7, "errors": 0, "battery": None}
+    body = {"v": 4, "run": "g1", "robot": "r1", "tick": 7, "errors": 0, "battery": None}
     assert decode(After, msgpack.packb(body), "g1") == After("r1", 7)
 
 
@@ -75,13 +75,13 @@ def test_a_default_may_be_sent_all_the_same():
     ],
 )
 def test_what_is_not_left_out_is_checked_as_ever(change, complaint):
-    body = {"v": 3, "run": "g1", "robot": "r1", "tick": 7, **change}
+    body = {"v": 4, "run": "g1", "robot": "r1", "tick": 7, **change}
     with pytest.raises(MalformedMessage, match=complaint):
         decode(After, msgpack.packb(body), "g1")
 
 
 def test_a_field_that_may_not_be_left_out_is_still_missed():
-    body = {"v": 3, "run": "g1", "robot": "r1", "battery": 0.5, "errors": 0}
+    body = {"v": 4, "run": "g1", "robot": "r1", "battery": 0.5, "errors": 0}
     with pytest.raises(MalformedMessage, match=r"fields missing \['tick'\], unknown \[\]"):
         decode(After, msgpack.packb(body), "g1")
 
@@ -103,7 +103,7 @@ def test_a_message_of_more_than_fifteen_fields_has_a_longer_header_and_the_same_
     message = many(*range(20))
     payload = encode(message, "g1")
     fields = dict(zip(names, range(20), strict=True))
-    assert payload == msgpack.packb({"v": 3, "run": "g1", **fields})
+    assert payload == msgpack.packb({"v": 4, "run": "g1", **fields})
     assert decode(many, payload, "g1") == message
     assert begins_canonically(many, payload, "g1")
     assert body_of(payload, "g1").startswith(b"\xa8field_00\x00")

@@ -17,7 +17,7 @@ import time
 import msgpack
 import zenoh
 
-VERSION = 3
+VERSION = 4
 RING_RADIUS_M = 4.0
 NEAR = 1.5
 WIDE_RAD = 1.1 * math.pi
