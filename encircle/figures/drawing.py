@@ -293,12 +293,9 @@ def warm_up() -> None:
 
 def draw_sensing(axes: Axes, ground_truth: GroundTruth, row: int) -> None:
     """Draw the sensing ranges at a row: of robots as discs, of the target as an outline."""
-    for position in ground_truth.robots[row].tolist():
-        axes.add_patch(
-            Circle(
-                position, ground_truth.scenario.team.sensing_range_m, **ROBOT_SENSING_FILL, zorder=0
-            )
-        )
+    ranges_m = ground_truth.arena.ranges[:-1].tolist()
+    for position, range_m in zip(ground_truth.robots[row].tolist(), ranges_m, strict=True):
+        axes.add_patch(Circle(position, range_m, **ROBOT_SENSING_FILL, zorder=0))
     reach_m = ground_truth.scenario.target.sensing_range_m
     axes.add_patch(
         Circle(ground_truth.target[row], reach_m, fill=False, **TARGET_SENSING_LINE, zorder=1)

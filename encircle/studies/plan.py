@@ -301,7 +301,8 @@ class Plan(_Model):
         used = {(MEASURES_GROUP, name) for name in self.measure_names if name not in MEASURES}
         for cell in range(len(self.cells)):
             scenario = self.scenario_of(cell)
-            used |= {(STRATEGIES, scenario.team.strategy), (TARGETS, scenario.target.behaviour)}
+            used.add((TARGETS, scenario.target.behaviour))
+            used |= {(STRATEGIES, scenario.strategy_of(robot)) for robot in scenario.ids}
         known = {group: installed(group) for group in GROUPS}
         return tuple(
             sorted((group, name) for group, name in used if not known[group][name].shipped)

@@ -13,14 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from encircle.protocol.messages import Observation, Point, State
-from encircle.world.arena import collisions, dynamics, placement, sensing
+from encircle.world.arena import collisions, dynamics, localisation, placement, sensing
 from encircle.world.arena.capture import is_captured
 from encircle.world.arena.dynamics import quantised
 from encircle.world.channel import channel as radio
-from encircle.world.random_streams import Purpose, uniforms
+from encircle.world.random_streams import Purpose
 from encircle.world.scenario.channel_model import Silence
 from encircle.world.scenario.model import MoveTarget, Scenario
 from encircle.world.targets.behaviours import TargetView, act
@@ -46,7 +45,8 @@ class ArenaState(NamedTuple):
     """The truth at a tick. ``positions``: (N + 1 + O, 2) in m; ``headings``: (N + 1,) in rad.
 
     ``away``: (N,) for how many ticks each robot has been lost, 0 if it is not, None while none is;
-    ``last_steps``: (N, 2) in m, what each did in its last step before that.
+    ``last_steps``: (N, 2) in m, what each did in its last step before that; ``drift``: (N, 2) in m,
+    how far each has drifted from where it believes to be, None without.
     """
 
     tick: int
@@ -62,12 +62,14 @@ class ArenaState(NamedTuple):
     contacts: tuple[tuple[int, int], ...]
     away: NDArray[np.int64] | None
     last_steps: Floats
+    drift: Floats | None
 
 
 def build(scenario: Scenario, seed: int) -> Arena:
     """The constants of a run of a scenario with a seed."""
     count = len(scenario.ids)
     team, target = scenario.team, scenario.target
+    bodies = [scenario.parameters_of(robot) for robot in scenario.ids]
     return Arena(
         scenario,
         seed,
@@ -76,8 +78,8 @@ def build(scenario: Scenario, seed: int) -> Arena:
         np.array(
             [team.radius_m] * count + [target.radius_m] + [o.radius_m for o in scenario.obstacles]
         ),
-        np.array([team.sensing_range_m] * count + [target.sensing_range_m]),
-        np.array([team.step_m_max] * count + [target.step_m_max]),
+        np.array([body["sensing_range_m"] for body in bodies] + [target.sensing_range_m]),
+        np.array([body["step_m_max"] for body in bodies] + [target.step_m_max]),
         radio.build(scenario, seed),
     )
 
@@ -91,7 +93,8 @@ def initial(arena: Arena) -> ArenaState:
     headings = np.zeros(len(arena.ids) + 1)
     headings[-1] = scenario.target.heading_rad
     channel_state, still = radio.initial(arena.channel), np.zeros((len(arena.ids), 2))
-    return _sensed(arena, 0, positions, headings, None, channel_state, {}, (), None, still)
+    drift = localisation.next_drift(scenario, arena.seed, 0, None)
+    return _sensed(arena, 0, positions, headings, None, channel_state, {}, (), None, still, drift)
 
 
 def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[Observation]:
@@ -106,8 +109,9 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
         packets = state.packets[sent_tick]
         for inbox, arrives in zip(inboxes, links.T.tolist(), strict=True):
             inbox += compress(packets, arrives)  # type: ignore[arg-type]  # None never flies
-    positions = [tuple(p) for p in state.positions[:count].tolist()]
-    targets = _detected(arena, state)
+    detected = _detected(arena, state)
+    shifts = localisation.errors(arena.scenario, arena.seed, tick, state.drift)
+    told = _told(state.positions[:count], detected, shifts)
     visible = state.visible[:count].tolist()
     scans = state.scans.tolist()
     headings = state.headings.tolist()
@@ -115,11 +119,11 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
         Observation(
             robot,
             tick,
-            positions[i],
+            told[i].robots[i],
             headings[i],
-            targets[i] if visible[i][count] else None,
+            told[i].target if visible[i][count] else None,
             tuple(scans[i]),
-            tuple([(arena.ids[k], *positions[k]) for k in range(count) if visible[i][k]]),
+            tuple([(arena.ids[k], *told[i].robots[k]) for k in range(count) if visible[i][k]]),
             tuple(inboxes[i]),
             tuple(lost),
         )
@@ -176,6 +180,7 @@ def advance(
     after = _sensed(
         *(arena, tick + 1, positions, headings, memory, channel_state, kept, tuple(contacts)),
         *(away, last_steps),
+        localisation.next_drift(arena.scenario, arena.seed, tick + 1, state.drift),
     )
     return after, fates
 
@@ -226,6 +231,7 @@ def _sensed(
     contacts: tuple[tuple[int, int], ...],
     away: NDArray[np.int64] | None,
     last_steps: Floats,
+    drift: Floats | None,
 ) -> ArenaState:
     """A state with everything that follows from the positions."""
     count = len(arena.ids)
@@ -250,19 +256,43 @@ def _sensed(
         contacts,
         away,
         last_steps,
+        drift,
     )
 
 
-def _detected(arena: Arena, state: ArenaState) -> list[Point]:
-    """Where each robot takes the target to be, noise included, were it to detect it."""
-    count = len(arena.ids)
-    exact = state.positions[count]
-    std = arena.scenario.sensing.noise_m_std
+class _Told(NamedTuple):
+    """Where a robot is told that the target is, were it to detect it, and all robots."""
+
+    target: Point
+    robots: list[Point]
+
+
+def _told(positions: Floats, detected: Floats, shifts: Floats | None) -> list[_Told]:
+    """What each robot is told: true ``positions`` (N, 2) and own detections (N, 2) in m.
+
+    ``shifts``: (N, 2) the errors of their own positions, None if these are exact.
+    """
+    if shifts is None:
+        robots = _points(positions)
+        return [_Told(target, robots) for target in _points(detected)]
+    return [
+        _Told(target, _points(positions + shift))
+        for target, shift in zip(_points(detected + shifts), shifts, strict=True)
+    ]
+
+
+def _points(positions: Floats) -> list[Point]:
+    return [tuple(p) for p in positions.tolist()]
+
+
+def _detected(arena: Arena, state: ArenaState) -> Floats:
+    """(N, 2) where each robot takes the target to be, noise included, were it to detect it."""
+    count, std = len(arena.ids), arena.scenario.sensing.noise_m_std
+    exact = np.broadcast_to(state.positions[count], (count, 2))
     if std == 0.0:
-        return [tuple(exact.tolist())] * count
-    draws = uniforms(arena.seed, Purpose.DETECTION_NOISE, state.tick, 2 * count)
-    noise = std * ndtri(np.maximum(draws, 2.0**-53)).reshape(count, 2)
-    return [tuple(p) for p in quantised(exact + noise).tolist()]
+        return exact
+    draws = localisation.normals(arena.seed, Purpose.DETECTION_NOISE, state.tick, count)
+    return quantised(exact + std * draws)
 
 
 def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Floats]:

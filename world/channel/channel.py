@@ -4,7 +4,8 @@ A composition of stages, evaluated for all links of a tick at once:
 
 1. ``encircle.world.channel.rate_limit``: a transmitter where packets wait if there is room;
 2. ``encircle.world.channel.outages``: scheduled outages and partitions, and radios that are silent;
-3. ``encircle.world.channel.loss``: loss by chance, by distance, or as in a trace;
+3. ``encircle.world.channel.loss``: loss by chance, by distance, or as in a trace; and
+   ``encircle.world.channel.robot_radios``: single robots whose radio is weak;
 4. ``encircle.world.channel.delay``: how long it takes, order kept or not;
 5. duplication: a packet that is not lost arrives a second time with a probability, the copy with a
    delay of its own.
@@ -18,10 +19,10 @@ the sender sent before. What is remembered per link (the state of a Gilbert-Elli
 at every tick, sent or not; the order of packets is remembered of those that were sent and arrive.
 
 **Precedence.** Of several causes that apply to one packet the first of these is named:
-sender-silent, receiver-silent, partition, outage, queue-full, out-of-range, and then the link's
-loss by chance or trace (a link has one). That is from the certain to the random: what is scheduled,
-what the senders make of it, where the robots are, chance. A packet that is cut off or lost has
-taken its time at the transmitter all the same; one of a silent sender has not.
+sender-silent, receiver-silent, partition, outage, queue-full, out-of-range, the link's loss by
+chance or trace (a link has one), and loss by a weak radio. That is from the certain to the random:
+what is scheduled, what the senders make of it, where the robots are, chance. A packet that is cut
+off or lost has taken its time at the transmitter all the same; one of a silent sender has not.
 
 **Order.** With order kept a packet is held back until those sent before it on its link have
 arrived. A copy is held back until its packet has arrived, and holds back nothing: later packets do
@@ -35,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.world.channel import delay, loss, outages, rate_limit
+from encircle.world.channel import delay, loss, outages, rate_limit, robot_radios
 from encircle.world.channel.loss_causes import CAUSES, Cause
 from encircle.world.random_streams import Purpose, link_uniforms
 from encircle.world.scenario.channel_model import delay_parts, loss_parts
@@ -55,6 +56,7 @@ class Channel(NamedTuple):
     transmitter: rate_limit.Transmitter | None
     outages: outages.Outages | None
     losses: loss.Losses | None
+    radios: robot_radios.RobotRadios | None
     delays: delay.Delays
     in_order: bool
     copies: "Copies | None"
@@ -123,6 +125,7 @@ def build(scenario: Scenario, seed: int) -> Channel:
         rate_limit.build(limit, tick_s) if limit is not None else None,
         outages.build(scenario.events, ids),
         loss.build(loss_parts(model, ids), ids, seed),
+        robot_radios.build(scenario, seed),
         delay.build(delays, ids, tick_s, seed),
         model.order == "kept",
         Copies(model.duplication.rate, delay.build(delays, ids, tick_s, seed, Purpose.COPY_DELAY))
@@ -152,6 +155,8 @@ def transmit(channel: Channel, state: ChannelState, sending: Sending) -> tuple[C
         bad, cause = loss.lost(channel.losses, bad, tick, sending.distances_m)
     else:
         cause = np.zeros((channel.robots, channel.robots), np.int64)
+    if channel.radios is not None:
+        cause = robot_radios.with_losses(channel.radios, cause, tick, sending.distances_m)
     if channel.transmitter is not None and queues is not None:
         on_air = np.ones(channel.robots, bool) if sizes is None else sizes > 0
         if sending.silent is not None:

@@ -28,13 +28,13 @@ def setup_message(arena: Arena, run: str, robot: str, tick: int) -> tuple[str, b
         robot,
         arena.ids,
         scenario.tick_s,
-        scenario.team.strategy,
-        scenario.parameters,
+        scenario.strategy_of(robot),
+        scenario.parameters_of(robot),
         PoseCarrier(scenario.radio),
         tick,
         tick,
-        scenario.team.policy_parameters,
-        policy_source(scenario.team.strategy),
+        scenario.policy_parameters_of(robot),
+        policy_source(scenario.strategy_of(robot)),
     )
     return robot_key(run, robot, "setup"), encode(setup, run)
 

@@ -169,4 +169,4 @@ def has_perfect_channel(arena: Arena) -> bool:
     """Whether the modelled channel delivers everything at once: then it has nothing to say."""
     channel = arena.scenario.channel.model_copy(update={"order": "free"})
     switched = any(isinstance(e, Silence | Outage | Partition) for e in arena.scenario.events)
-    return channel == ChannelModel() and not switched
+    return channel == ChannelModel() and arena.channel.radios is None and not switched

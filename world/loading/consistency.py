@@ -1,6 +1,8 @@
 """What contradicts itself in a scenario although each value is in range; with key and value."""
 
+from collections.abc import Mapping, Sequence
 from math import hypot
+from typing import Any
 
 from encircle.protocol.parameters import Parameters, Problems
 from encircle.protocol.plugins import SHIPPED_POLICIES, STRATEGIES, PluginLoadError, Registry
@@ -28,12 +30,11 @@ def problems_of(scenario: Scenario) -> list[str]:
 def _team(scenario: Scenario) -> list[str]:
     problems = []
     team, placement = scenario.team, scenario.team.placement
-    if team.positions is None and team.robots is None:
+    if team.positions is None and team.count is None:
         problems.append("team: give either robots (a number) or positions")
-    if team.positions is not None and team.robots not in (None, len(team.positions)):
-        problems.append(
-            f"team.robots = {team.robots}: but {len(team.positions)} positions are given"
-        )
+    if team.positions is not None and team.count not in (None, len(team.positions)):
+        key = "team.robots.count" if team.overrides else "team.robots"
+        problems.append(f"{key} = {team.count}: but {len(team.positions)} positions are given")
     if team.positions is not None and not 1 <= len(team.positions) <= ROBOTS_MAX:
         problems.append(f"team.positions: {len(team.positions)} given, must be 1 to {ROBOTS_MAX}")
     if team.positions is None and team.jitter_m > 0.0:
@@ -71,8 +72,15 @@ def _times(scenario: Scenario) -> list[str]:
 def _names(scenario: Scenario) -> list[str]:
     problems = []
     # The robots would find out, but later, and each by itself.
-    if problem := POLICY_NAMES.problem_with(scenario.team.strategy):
-        problems.append(f"team.strategy = {scenario.team.strategy!r}: {problem}")
+    strategies = {"team.strategy": scenario.team.strategy}
+    strategies |= {
+        f"team.robots.{robot}.strategy": own.strategy
+        for robot, own in scenario.team.overrides.items()
+        if own.strategy is not None
+    }
+    for key, strategy in strategies.items():
+        if problem := POLICY_NAMES.problem_with(strategy):
+            problems.append(f"{key} = {strategy!r}: {problem}")
     try:
         behaviour = behaviour_named(scenario.target.behaviour)
     except (ValueError, PluginLoadError) as error:
@@ -91,11 +99,20 @@ def _names(scenario: Scenario) -> list[str]:
         f"robot.{name} = {scenario.robot[name]!r}: belongs under team, target or capture"
         for name in sorted(set(scenario.robot) & set(scenario.bodies))
     ]
-    try:
-        Parameters.from_mapping(scenario.parameters)
-    except Problems as error:
-        problems.extend(f"robot.{problem}" for problem in error.lines)
+    of_team = _problems_of_parameters(scenario.parameters)
+    problems += [f"robot.{problem}" for problem in of_team]
+    for robot in scenario.team.overrides:
+        of_robot = _problems_of_parameters(scenario.parameters_of(robot))
+        problems += [f"team.robots.{robot}.{line}" for line in of_robot if line not in of_team]
     return problems
+
+
+def _problems_of_parameters(parameters: Mapping[str, Any]) -> Sequence[str]:
+    try:
+        Parameters.from_mapping(parameters)
+    except Problems as error:
+        return error.lines
+    return ()
 
 
 def _overlaps(scenario: Scenario) -> list[str]:

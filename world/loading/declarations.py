@@ -17,7 +17,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from encircle.protocol.parameters import Parameters, Range, Unit, declared
-from encircle.world.scenario.fields import SEED_END, models_in
+from encircle.world.scenario.fields import SEED_END, model_of_others, models_in
 
 BOUNDS = {"ge": "from {}", "gt": "above {}", "le": "to {}", "lt": "below {}"}
 """What pydantic's marks of a range are called, and what they say."""
@@ -104,6 +104,8 @@ def tables_of(model: type[BaseModel]) -> list[type[BaseModel]]:
     tables = [model]
     for table in tables:  # grows as it goes, by each model at most once
         below = [m for f in table.model_fields.values() for m in models_in(f.annotation)]
+        if (others := model_of_others(table)) is not None:
+            below.append(others)
         tables += [other for other in dict.fromkeys(below) if other not in tables]
     return tables
 
@@ -125,10 +127,10 @@ def _typed(annotation: Any, metadata: Sequence[Any]) -> _Type:
         return _typed(annotation, [*own, *metadata])
     if get_origin(annotation) in (Union, types.UnionType):
         parts = [part for part in get_args(annotation) if part is not type(None)]
-        if list(models_in(annotation)):
-            return _Type("table")
-        (part,) = parts
-        return _typed(part, metadata)
+        if len(parts) == 1:
+            return _typed(parts[0], metadata)
+        plain = [_typed(part, ()) for part in parts if not list(models_in(part))]
+        return plain[0]._replace(text=f"{plain[0].text} or table") if plain else _Type("table")
     if get_origin(annotation) is Literal:
         return _Type("text", "", ", ".join(f"`{choice}`" for choice in get_args(annotation)))
     if get_origin(annotation) is dict:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from encircle.protocol.suggestions import did_you_mean
+from encircle.world.loading import robots
 from encircle.world.loading.toml_folder import toml_files
 from encircle.world.loading.trace_files import anchored
 from encircle.world.scenario.errors import ScenarioError
@@ -68,7 +69,11 @@ def override(tree: dict[str, Any], change: str) -> None:
         # A scenario that was written out in full has null for a table that it has not.
         if isinstance(branch, dict) and branch.get(part) is None:
             branch[part] = {}
+        if isinstance(branch, dict) and (*path[:depth], part) == robots.KEY:
+            branch[part] = robots.as_table(branch[part])
         branch = branch[_key_in(branch, part, path[:depth], change)]
+    if isinstance(branch, dict) and (*path, last) == robots.KEY:
+        value = robots.set_robots(branch.get(last), value)
     branch[_key_in(branch, last, path, change)] = value
 
 

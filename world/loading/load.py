@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from encircle.protocol.parameters import SET_BY_ROBOT_KEYS
 from encircle.world.loading.consistency import problems_of
 from encircle.world.loading.files import copied, override, read
+from encircle.world.loading.robots import unknown_robots
 from encircle.world.loading.trace_files import inlined
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
@@ -30,10 +31,11 @@ ROBOT_KEYS = tuple(f"robot.{name}" for name in SET_BY_ROBOT_KEYS)
 def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:
     """A scenario from a shipped name, a TOML file or a mapping, with ``key=value`` overrides.
 
-    Keys are dotted (``channel.loss.rate``), list items by number (``obstacles.0.radius_m``); values
-    are TOML, or plain text if they are not. Files of traces are read here and their rows put in
-    their place; a relative one lies beside the scenario's file, or below the working directory if
-    a mapping or an override names it. Raises ``ScenarioError`` listing every problem.
+    Keys are dotted (``channel.loss.rate``), list items by number (``obstacles.0.radius_m``), robots
+    by id (``team.robots.r3.step_m_max``); values are TOML, or plain text if they are not. Files of
+    traces are read here and their rows put in their place; a relative one lies beside the
+    scenario's file, or below the working directory if a mapping or an override names it. Raises
+    ``ScenarioError`` listing every problem.
     """
     name, tree = read(source)
     problems = []
@@ -42,6 +44,7 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
             override(tree, change)
         except ScenarioError as error:
             problems.append(str(error))
+    problems += unknown_robots(tree)
     problems += inlined(tree)
     try:
         scenario = Scenario.model_validate(tree)

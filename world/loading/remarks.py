@@ -25,7 +25,8 @@ def remarks_on(scenario: Scenario) -> list[str]:
 def _who_can_capture(scenario: Scenario) -> list[str]:
     team, count = scenario.team, len(scenario.ids)
     if count < ROBOTS_MIN:
-        key = f"team.robots = {count}" if team.positions is None else "team.positions"
+        robots = "team.robots.count" if team.overrides else "team.robots"
+        key = f"{robots} = {count}" if team.positions is None else "team.positions"
         who = "one robot" if count == 1 else f"{count} robots"
         return [
             f"{key}: {who} can never capture: it takes {ROBOTS_MIN} at least to leave no gap"

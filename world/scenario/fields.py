@@ -5,7 +5,7 @@ A field is declared once: its type carries range and unit, the docstring below i
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -40,6 +40,12 @@ def shown(value: object) -> str:
     """A value as error messages show it: as Python would, cut short if it is long."""
     text = repr(value)
     return text if len(text) <= 80 else text[:80] + "..."
+
+
+def model_of_others(model: type[BaseModel]) -> type[BaseModel] | None:
+    """The model of the tables that a table may have under names of its own, None if it has none."""
+    hint = get_type_hints(model, include_extras=True).get("__pydantic_extra__")
+    return next(models_in(hint), None) if model.model_config.get("extra") == "allow" else None
 
 
 def models_in(annotation: Any) -> Iterator[type[BaseModel]]:

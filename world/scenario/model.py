@@ -6,6 +6,7 @@ refused, all of them at once, each with its key and its value. Units are in the 
 """
 
 import json
+from collections.abc import Mapping
 from functools import cached_property
 from math import asin, floor, pi
 from typing import Annotated, Any, Literal
@@ -21,11 +22,13 @@ from encircle.world.scenario.channel_model import (
     Partition,
     Silence,
 )
-from encircle.world.scenario.fields import ROBOTS_MAX, SEED_END, Deviation, Length, Model, Position
+from encircle.world.scenario.fields import SEED_END, Deviation, Length, Model, Position
+from encircle.world.scenario.robots_table import RobotOverride, Robots, RobotsTable
 
 SPACING_BODIES = 1.5
 DIGEST_VERSION = 3
 """Version of what the digest of a run is made of; it need not change with that of the wire."""
+AS_THE_TEAM = RobotOverride()
 
 
 class Placement(Model):
@@ -40,8 +43,9 @@ class Placement(Model):
 class Team(Model):
     """The robots: how many or where, what bodies they have, how they decide."""
 
-    robots: Annotated[int, Field(ge=1, le=ROBOTS_MAX)] | None = None
-    """Number of robots; it or ``positions`` must be given."""
+    robots: Robots = None
+    """Number of robots, or a table if single robots are different; it or ``positions`` must be
+    given."""
     positions: tuple[Position, ...] | None = None
     """Where each robot starts; at random (``placement``) if left out."""
     jitter_m: Deviation = 0.0
@@ -65,6 +69,16 @@ class Team(Model):
     """Whether robots step in any direction, or only forwards after a limited turn."""
     turn_rad_max: Annotated[float, Field(gt=0.0, le=pi), Unit("rad")] = pi / 6
     """The largest turn of a unicycle in a tick."""
+
+    @property
+    def count(self) -> int | None:
+        """The number of robots as given by ``robots``, None if it is not."""
+        return self.robots.count if isinstance(self.robots, RobotsTable) else self.robots
+
+    @property
+    def overrides(self) -> Mapping[str, RobotOverride]:
+        """What is different about single robots, by id."""
+        return self.robots.overrides if isinstance(self.robots, RobotsTable) else {}
 
 
 class Target(Model):
@@ -91,6 +105,14 @@ class Sensing(Model):
 
     noise_m_std: Annotated[float, Field(ge=0.0, le=100.0), Unit("m")] = 0.0
     """Standard deviation of a detection of the target, per axis."""
+    localisation_noise_m_std: Annotated[float, Field(ge=0.0, le=100.0), Unit("m")] = 0.0
+    """Standard deviation of a robot's own position, per axis, drawn anew at each tick. All that it
+    senses is shifted by the same error."""
+    localisation_drift_m_per_sqrt_s: Annotated[
+        float, Field(ge=0.0, le=100.0), Unit("m/sqrt(s)")
+    ] = 0.0
+    """Drift of a robot's own position, per axis: after a time t, its standard deviation is this
+    times the square root of t. It adds to the noise."""
     rays: Annotated[int, Field(ge=8, le=360)] = 24
     """Number of rays of a range scan, equally spaced."""
 
@@ -169,7 +191,7 @@ class Scenario(Model):
     @cached_property
     def ids(self) -> tuple[str, ...]:
         """Robot ids, in robot order: r1, r2, ..."""
-        count = len(self.team.positions) if self.team.positions else self.team.robots or 0
+        count = len(self.team.positions) if self.team.positions else self.team.count or 0
         return tuple(f"r{k + 1}" for k in range(count))
 
     @cached_property
@@ -188,12 +210,36 @@ class Scenario(Model):
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
-        """The robots' parameters: those set under ``robot``, and those of their bodies."""
+        """The team's parameters: those set under ``robot``, and those of the bodies."""
         return {**self.robot, **self.bodies}
+
+    def override_of(self, robot: str) -> RobotOverride:
+        """What is different about one robot."""
+        return self.team.overrides.get(robot, AS_THE_TEAM)
+
+    def strategy_of(self, robot: str) -> str:
+        """Name of a robot's policy."""
+        own = self.override_of(robot).strategy
+        return self.team.strategy if own is None else own
+
+    def policy_parameters_of(self, robot: str) -> dict[str, Any]:
+        """The own parameters of a robot's policy: the team's with the robot's in place.
+
+        Of a robot whose policy is another than the team's, only the robot's.
+        """
+        is_as_team = self.strategy_of(robot) == self.team.strategy
+        of_team = self.team.policy_parameters if is_as_team else {}
+        return {**of_team, **(self.override_of(robot).policy_parameters or {})}
+
+    def parameters_of(self, robot: str) -> dict[str, Any]:
+        """A robot's parameters: the team's, with its own body in place."""
+        own = self.override_of(robot)
+        bodies = {"step_m_max": own.step_m_max, "sensing_range_m": own.sensing_range_m}
+        return {**self.parameters, **{k: v for k, v in bodies.items() if v is not None}}
 
     @property
     def bodies(self) -> dict[str, float]:
-        """The robots' parameters that follow from team, target and capture (``BODIES``)."""
+        """The team's parameters that follow from team, target and capture (``BODIES``)."""
         return {
             "radius_m": self.team.radius_m,
             "target_radius_m": self.target.radius_m,

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from encircle.protocol.suggestions import did_you_mean, suggestion
-from encircle.world.scenario.fields import models_in, shown
+from encircle.world.scenario.fields import model_of_others, models_in, shown
 
 Path = tuple[str | int, ...]
 TEXT, WHOLE, NUMBER = "must be text", "must be a whole number", "must be a number"
@@ -238,7 +238,9 @@ def _tables_at(path: Path, model: type[BaseModel]) -> list[type[BaseModel]]:
     for part in path:
         if isinstance(part, str):
             fields = [table.model_fields[part] for table in tables if part in table.model_fields]
+            others = [model_of_others(table) for table in tables if part not in table.model_fields]
             tables = [table for field in fields for table in models_in(field.annotation)]
+            tables += [table for table in others if table is not None]
     return tables
 
 
