@@ -11,6 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 
 class Purpose(IntEnum):
@@ -31,6 +32,8 @@ class Purpose(IntEnum):
     LOCALISATION_DRIFT = 13
 
 
+DRAW_MIN = 2.0**-53
+"""A draw of 0 counts as this where the logarithm of 0 would be taken."""
 BLOCK_TICKS_MAX = 64
 BLOCK_DRAWS_MAX = 4096
 
@@ -42,6 +45,13 @@ def uniforms(seed: int, purpose: Purpose, tick: int, count: int) -> NDArray[np.f
         counter=np.array((0, 0, tick, 0), dtype=np.uint64),
     )
     return np.random.Generator(bits).random(count)
+
+
+def normal_pairs(seed: int, purpose: Purpose, tick: int, count: int) -> NDArray[np.float64]:
+    """(N, 2) standard normal draws, two for each robot; those of the first are any team's."""
+    draws = np.maximum(uniforms(seed, purpose, tick, 2 * count), DRAW_MIN)
+    drawn: NDArray[np.float64] = ndtri(draws).reshape(count, 2)
+    return drawn
 
 
 @lru_cache(maxsize=64)

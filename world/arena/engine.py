@@ -14,12 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.protocol.messages import Observation, Point, State
+from encircle.protocol.messages import Observation, State
 from encircle.world.arena import collisions, dynamics, localisation, placement, sensing
 from encircle.world.arena.capture import is_captured
 from encircle.world.arena.dynamics import quantised
 from encircle.world.channel import channel as radio
-from encircle.world.random_streams import Purpose
 from encircle.world.scenario.channel_model import Silence
 from encircle.world.scenario.model import MoveTarget, Scenario
 from encircle.world.targets.behaviours import TargetView, act
@@ -45,8 +44,8 @@ class ArenaState(NamedTuple):
     """The truth at a tick. ``positions``: (N + 1 + O, 2) in m; ``headings``: (N + 1,) in rad.
 
     ``away``: (N,) for how many ticks each robot has been lost, 0 if it is not, None while none is;
-    ``last_steps``: (N, 2) in m, what each did in its last step before that; ``drift``: (N, 2) in m,
-    how far each has drifted from where it believes to be, None without.
+    ``last_steps``: (N, 2) in m, what each did in its last step before that; ``drift``: (N, 2) in m, how
+    far each robot's idea of where it is has drifted off, None without.
     """
 
     tick: int
@@ -109,9 +108,10 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
         packets = state.packets[sent_tick]
         for inbox, arrives in zip(inboxes, links.T.tolist(), strict=True):
             inbox += compress(packets, arrives)  # type: ignore[arg-type]  # None never flies
-    detected = _detected(arena, state)
+    noise_m_std = arena.scenario.sensing.noise_m_std
+    detected = sensing.detected(state.positions[count], noise_m_std, arena.seed, tick, count)
     shifts = localisation.errors(arena.scenario, arena.seed, tick, state.drift)
-    told = _told(state.positions[:count], detected, shifts)
+    told = localisation.told(state.positions[:count], detected, shifts)
     visible = state.visible[:count].tolist()
     scans = state.scans.tolist()
     headings = state.headings.tolist()
@@ -258,41 +258,6 @@ def _sensed(
         last_steps,
         drift,
     )
-
-
-class _Told(NamedTuple):
-    """Where a robot is told that the target is, were it to detect it, and all robots."""
-
-    target: Point
-    robots: list[Point]
-
-
-def _told(positions: Floats, detected: Floats, shifts: Floats | None) -> list[_Told]:
-    """What each robot is told: true ``positions`` (N, 2) and own detections (N, 2) in m.
-
-    ``shifts``: (N, 2) the errors of their own positions, None if these are exact.
-    """
-    if shifts is None:
-        robots = _points(positions)
-        return [_Told(target, robots) for target in _points(detected)]
-    return [
-        _Told(target, _points(positions + shift))
-        for target, shift in zip(_points(detected + shifts), shifts, strict=True)
-    ]
-
-
-def _points(positions: Floats) -> list[Point]:
-    return [tuple(p) for p in positions.tolist()]
-
-
-def _detected(arena: Arena, state: ArenaState) -> Floats:
-    """(N, 2) where each robot takes the target to be, noise included, were it to detect it."""
-    count, std = len(arena.ids), arena.scenario.sensing.noise_m_std
-    exact = np.broadcast_to(state.positions[count], (count, 2))
-    if std == 0.0:
-        return exact
-    draws = localisation.normals(arena.seed, Purpose.DETECTION_NOISE, state.tick, count)
-    return quantised(exact + std * draws)
 
 
 def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Floats]:

@@ -14,17 +14,17 @@ between them stays as it is. Headings are exact, and so are the directions of th
 """
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
+from encircle.protocol.messages import Point
 from encircle.world.arena.dynamics import quantised
-from encircle.world.random_streams import Purpose, uniforms
+from encircle.world.random_streams import Purpose, normal_pairs
 from encircle.world.scenario.model import Scenario
 
 Floats = NDArray[np.float64]
-_DRAW_MIN = 2.0**-53
 
 
 def next_drift(scenario: Scenario, seed: int, tick: int, before: Floats | None) -> Floats | None:
@@ -38,7 +38,7 @@ def next_drift(scenario: Scenario, seed: int, tick: int, before: Floats | None) 
     count = len(scenario.ids)
     if before is None:
         return np.zeros((count, 2))
-    walked = normals(seed, Purpose.LOCALISATION_DRIFT, tick, count)
+    walked = normal_pairs(seed, Purpose.LOCALISATION_DRIFT, tick, count)
     return before + std * sqrt(scenario.tick_s) * walked
 
 
@@ -50,12 +50,30 @@ def errors(scenario: Scenario, seed: int, tick: int, drift: Floats | None) -> Fl
     std = scenario.sensing.localisation_noise_m_std
     if std == 0.0:
         return None if drift is None else quantised(drift)
-    noise = std * normals(seed, Purpose.LOCALISATION_NOISE, tick, len(scenario.ids))
+    noise = std * normal_pairs(seed, Purpose.LOCALISATION_NOISE, tick, len(scenario.ids))
     return quantised(noise if drift is None else noise + drift)
 
 
-def normals(seed: int, purpose: Purpose, tick: int, count: int) -> Floats:
-    """(N, 2) standard normal draws, two of each robot; those of the first are any team's."""
-    draws = uniforms(seed, purpose, tick, 2 * count)
-    drawn: Floats = ndtri(np.maximum(draws, _DRAW_MIN)).reshape(count, 2)
-    return drawn
+class Told(NamedTuple):
+    """Where one robot is told that the target is, were it to detect it, and all robots; in m."""
+
+    target: Point
+    robots: list[Point]
+
+
+def told(positions: Floats, detected: Floats, shifts: Floats | None) -> list[Told]:
+    """What each robot is told, from all robots' true ``positions`` and own detections, (N, 2) in m.
+
+    ``shifts``: (N, 2) the errors of their own positions, None if these are exact.
+    """
+    if shifts is None:
+        robots = _points(positions)
+        return [Told(target, robots) for target in _points(detected)]
+    return [
+        Told(target, _points(positions + shift))
+        for target, shift in zip(_points(detected + shifts), shifts, strict=True)
+    ]
+
+
+def _points(positions: Floats) -> list[Point]:
+    return [tuple(p) for p in positions.tolist()]

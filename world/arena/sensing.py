@@ -11,6 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from encircle.world.arena.dynamics import quantised
+from encircle.world.random_streams import Purpose, normal_pairs
+
 
 class Geometry(NamedTuple):
     """Relative positions of everything, computed once per tick.
@@ -98,3 +101,17 @@ def scan(
     seen = rows[starts]
     result[seen] = np.minimum(result[seen], np.maximum(nearest, 0.0))
     return result
+
+
+def detected(
+    target: NDArray[np.float64], noise_m_std: float, seed: int, tick: int, count: int
+) -> NDArray[np.float64]:
+    """(N, 2) where each of N robots detects the target at ``target`` (2,), in m, were it in sight.
+
+    Each with noise of its own, whose deviation per axis is ``noise_m_std``.
+    """
+    exact = np.broadcast_to(target, (count, 2))
+    if noise_m_std == 0.0:
+        return exact
+    noise = noise_m_std * normal_pairs(seed, Purpose.DETECTION_NOISE, tick, count)
+    return quantised(exact + noise)
