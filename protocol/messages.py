@@ -95,9 +95,7 @@ class Setup:
     tick_s: Annotated[Duration, Field("length of a tick", "s")]
     strategy: Annotated[
         Text,
-        Field(
-            "the scenario's `team.strategy`: one of [five names](#the-hunt), or that of a plug-in"
-        ),
+        Field("the name of its policy: one of [five names](#the-hunt), or that of a plug-in"),
     ]
     parameters: Annotated[PlainMap, Field("what the scenario sets, see below")] = field(
         default_factory=dict
@@ -137,7 +135,9 @@ class Observation:
 
     robot: Annotated[Text, Field("the robot this is for")]
     tick: Annotated[Count, Field("0 at first, then one more each time")]
-    position: Annotated[Point, Field("its own position, exact", "m")]
+    position: Annotated[
+        Point, Field("its own position, with the scenario's localisation error", "m")
+    ]
     heading_rad: Annotated[
         Angle,
         Field(
@@ -149,8 +149,8 @@ class Observation:
     target: Annotated[
         Point | None,
         Field(
-            "its own detection of the target, with the scenario's noise; null if out of range or"
-            " sight",
+            "its own detection of the target, with the scenario's noise and the error of"
+            " `position`; null if out of range or sight",
             "m",
         ),
     ]
@@ -169,7 +169,9 @@ class Observation:
         tuple[tuple[Text, Real, Real], ...],
         CheckedBy(checks.sightings),
         Field(
-            "other robots in range and in sight: id, x, y, exact, each once, in robot order", "m"
+            "other robots in range and in sight: id, x, y, with the error of `position`, each once,"
+            " in robot order",
+            "m",
         ),
     ]
     inbox: Annotated[

@@ -63,6 +63,13 @@ def _tree(draws: Draws) -> Tree:
     }
     if _sometimes(draws):
         tree["capture"]["count"] = draws.randint(2, count)
+    tree["sensing"] |= _some(draws, LOCALISATION, 0.2)
+    if _sometimes(draws):
+        singles = draws.sample(ids, draws.randint(1, count))
+        robots: Tree = {robot: _some(draws, SINGLE_ROBOT, 0.5) for robot in singles}
+        if "robots" in tree["team"]:
+            robots["count"] = count
+        tree["team"]["robots"] = robots
     return tree
 
 
@@ -105,6 +112,19 @@ TEAM: dict[str, DrawnFigure] = {
     "step_m_max": lambda draws: draws.uniform(0.15, 0.5),
     "sensing_range_m": lambda draws: draws.uniform(3.0, 9.0),
     "hold_ticks_max": lambda draws: draws.randint(0, 9),
+}
+
+
+SINGLE_ROBOT: dict[str, DrawnFigure] = {
+    "strategy": lambda draws: draws.choice(STRATEGIES),
+    "step_m_max": lambda draws: draws.uniform(0.05, 0.5),
+    "sensing_range_m": lambda draws: draws.uniform(1.0, 9.0),
+    "radio_range_m": lambda draws: draws.uniform(2.0, 9.0),
+    "loss_rate": lambda draws: draws.uniform(0.0, 1.0),
+}
+LOCALISATION: dict[str, DrawnFigure] = {
+    "localisation_noise_m_std": lambda draws: draws.uniform(0.0, 0.5),
+    "localisation_drift_m_per_sqrt_s": lambda draws: draws.uniform(0.0, 0.5),
 }
 
 

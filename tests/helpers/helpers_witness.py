@@ -126,7 +126,10 @@ class Witness:
         moved = np.hypot(*(now - self.positions[-2]).T)
         if tick in self.moved_by_hand:
             moved[self.count] = 0.0
-        limits = [scenario.team.step_m_max] * self.count + [scenario.target.step_m_max]
+        singles = scenario.team.overrides
+        own = [singles[r].step_m_max if r in singles else None for r in self.arena.ids]
+        limits = [scenario.team.step_m_max if m is None else m for m in own]
+        limits.append(scenario.target.step_m_max)
         assert (moved[: self.count + 1] <= np.array(limits) + STEP_TOLERANCE_M).all(), (
             f"steps at {tick}: {moved}"
         )

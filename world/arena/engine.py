@@ -44,8 +44,8 @@ class ArenaState(NamedTuple):
     """The truth at a tick. ``positions``: (N + 1 + O, 2) in m; ``headings``: (N + 1,) in rad.
 
     ``away``: (N,) for how many ticks each robot has been lost, 0 if it is not, None while none is;
-    ``last_steps``: (N, 2) in m, what each did in its last step before that; ``drift``: (N, 2) in m, how
-    far each robot's idea of where it is has drifted off, None without.
+    ``last_steps``: (N, 2) in m, what each did in its last step before that; ``drift``: (N, 2) in m,
+    how far each robot's idea of where it is has drifted off, None without.
     """
 
     tick: int

@@ -5,6 +5,7 @@ the levels of the axes. The texts on channel and events are made from the fields
 that differ from the defaults, so that a new loss model needs no change here.
 """
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,6 +16,8 @@ from encircle.studies.plan import Axis, Plan
 from encircle.world.scenario.model import Scenario
 
 ITEMS_MAX = 12
+_ROBOT = re.compile(r"^team\.robots\.r\d+\.")
+"""A key of one robot says the same of it as one of ``team`` says of all."""
 
 
 def setup_rows(plan: Plan) -> list[tuple[str, str]]:
@@ -26,22 +29,25 @@ def setup_rows(plan: Plan) -> list[tuple[str, str]]:
     motion = team.motion + (turning if team.motion == "unicycle" else "")
     behaviour = target.behaviour + (f" ({_items(target.parameters)})" if target.parameters else "")
     noise = f", detection noise {sensing.noise_m_std:g} m" if sensing.noise_m_std else ""
+    noise += _localisation(scenario)
     limit = f"{scenario.ticks_max} ticks ({scenario.ticks_max * scenario.tick_s:g} s)"
     rows = [
         (
             "Robots",
             f"{len(scenario.ids)}; {_starts(scenario)}",
-            ("team.robots", "team.p", "team.j"),
+            ("team.robots", "team.positions", "team.placement", "team.jitter"),
         ),
-        ("Strategy", team.strategy, ("team.strategy",)),
+        ("Strategy", team.strategy + _exceptions(scenario, "strategy"), ("team.strategy",)),
         (
             "Robots' bodies",
-            f"radius {team.radius_m:g} m; {_speed(team.step_m_max, hz)}; {motion}",
+            f"radius {team.radius_m:g} m; {_speed(team.step_m_max, hz)}"
+            f"{_exceptions(scenario, 'step_m_max', ' m')}; {motion}",
             ("team.radius", "team.step", "team.motion", "team.turn"),
         ),
         (
             "Robots' sensors",
-            f"range {team.sensing_range_m:g} m, {sensing.rays} rays{noise}",
+            f"range {team.sensing_range_m:g} m{_exceptions(scenario, 'sensing_range_m', ' m')},"
+            f" {sensing.rays} rays{noise}",
             ("team.sensing", "sensing"),
         ),
         (
@@ -51,7 +57,11 @@ def setup_rows(plan: Plan) -> list[tuple[str, str]]:
             ("target",),
         ),
         ("Obstacles", str(len(scenario.obstacles)) if scenario.obstacles else "none", ("obst",)),
-        ("Radio", _radio(scenario), ("channel",)),
+        (
+            "Radio",
+            f"{_radio(scenario)}{_robot_radios(scenario)}",
+            ("channel", "team.radio_range", "team.loss_rate"),
+        ),
         ("Events", "; ".join(map(_value_text, scenario.events)) or "none", ("events",)),
         (
             "Capture",
@@ -61,6 +71,8 @@ def setup_rows(plan: Plan) -> list[tuple[str, str]]:
         ),
         ("Time", f"ticks of {scenario.tick_s:g} s, at most {limit}", ("tick",)),
     ]
+    if texts := _policy_parameters(scenario):
+        rows.append(("Policies' parameters", texts, ("team.policy_parameters",)))
     if scenario.robot:
         rows.append(("Robots' parameters", _items(scenario.robot), ("robot.",)))
     text_rows = [(name, text + _varied(plan, keys)) for name, text, keys in rows]
@@ -109,7 +121,7 @@ def _varied(plan: Plan, beginnings: tuple[str, ...]) -> str:
         for axis in plan.all_axes
         if len(axis.levels) > 1
         and any(
-            key.startswith(beginnings)
+            _ROBOT.sub("team.", key).startswith(beginnings)
             for index in range(len(axis.levels))
             for key in axis.changes(index)
         )
@@ -124,6 +136,45 @@ def _starts(scenario: Scenario) -> str:
         return f"starts by seed, {near:g} to {far:g} m from the target"
     jitter = f", moved by up to {team.jitter_m:g} m along each axis by seed"
     return "given starts" + (jitter if team.jitter_m else "")
+
+
+def _exceptions(scenario: Scenario, key: str, unit: str = "") -> str:
+    """Of which robots a value is another than the team's: ``, but 0.15 m for r3``."""
+    values = {robot: getattr(own, key) for robot, own in scenario.team.overrides.items()}
+    texts = [f"{_value_text(values[r])}{unit} for {r}" for r in scenario.ids if values.get(r)]
+    return f", but {_few(texts)}" if texts else ""
+
+
+def _policy_parameters(scenario: Scenario) -> str:
+    of_team = scenario.team.policy_parameters
+    texts = [_items(of_team)] if of_team else []
+    for robot in scenario.ids:
+        if (own := scenario.policy_parameters_of(robot)) != of_team:
+            texts.append(f"of {robot}: {_items(own) or 'by default'}")
+    return "; ".join(texts[:ITEMS_MAX])
+
+
+def _robot_radios(scenario: Scenario) -> str:
+    texts = []
+    for robot in scenario.ids:
+        own = scenario.override_of(robot)
+        if own.radio_range_m is not None:
+            texts.append(f"range {own.radio_range_m:g} m for {robot}")
+        if own.loss_rate:
+            texts.append(f"loss of {own.loss_rate:g} by {robot}'s radio")
+    return f"; {_few(texts)}" if texts else ""
+
+
+def _few(texts: Sequence[str]) -> str:
+    return ", ".join(texts[:ITEMS_MAX]) + (", ..." if len(texts) > ITEMS_MAX else "")
+
+
+def _localisation(scenario: Scenario) -> str:
+    sensing = scenario.sensing
+    noise = sensing.localisation_noise_m_std
+    drift = sensing.localisation_drift_m_per_sqrt_s
+    texts = [f"noise {noise:g} m"] * (noise > 0.0) + [f"drift {drift:g} m/sqrt(s)"] * (drift > 0.0)
+    return f", own position with {' and '.join(texts)}" if texts else ""
 
 
 def _speed(step_m: float, hz: float) -> str:

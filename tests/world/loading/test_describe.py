@@ -21,6 +21,7 @@ EXAMPLES = re.findall(r"```toml\n(.*?)```", TEXT, re.DOTALL)
 UNITS = {
     "m": "_m", "s": "_s", "rad": "_rad", "ticks": "ticks", "tick": "tick", "m/s": "_mps",
     "m/s^2": "_mps2", "packets": "_packets", "packets/s": "packets_per_s", "B/s": "bytes_per_s",
+    "m/sqrt(s)": "_m_per_sqrt_s",
 }  # fmt: skip
 NAMED_WITHOUT_UNIT = {"position", "positions", "waypoints", "values"}
 
@@ -43,6 +44,8 @@ def test_each_key_stands_in_the_table_of_its_model_with_its_range_default_and_me
     assert "| `radius_m` | number | m | above 0 to 100,000 | must be given |" in texts["Obstacle"]
     assert '| `motion` | text |  | `holonomic`, `unicycle` | `"holonomic"` |' in texts["Team"]
     assert "| `count` | whole number |  | from 2 |  | Robots that" in texts["Capture"]
+    assert "| `robots` | whole number or table |  | from 1 to 256 |" in texts["Team"]
+    assert "| `step_m_max` | number | m | above 0 to 100,000 |  | Its" in texts["RobotOverride"]
     assert "| `groups` | list of lists of text |" in texts["Partition"]
     assert "| `waypoints` | list of pairs of numbers | m |" in texts["behaviour patrol"]
     assert "| `window_ticks` | whole number | ticks | from 2 to 500 | 30 |" in texts["robot"]

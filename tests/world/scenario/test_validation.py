@@ -7,7 +7,7 @@ import copy
 import datetime
 import re
 import types
-from typing import Annotated, Literal, Union, get_args, get_origin
+from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hints
 
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
@@ -38,6 +38,7 @@ SCENARIO = {
     "team": {
         "positions": [[4.0, 0.0], [0.0, 4.0], [-4.0, 0.0]],
         "placement": {},
+        "robots": {"count": 3, "r2": {"step_m_max": 0.1, "policy_parameters": {}}},
     },
     "target": {"behaviour": "patrol", "parameters": {"waypoints": [[60.0, 0.0], [0.0, 60.0]]}},
     "robot": {"xi_weight": 0.1},
@@ -96,6 +97,11 @@ def models_in(annotation):
 
 def fields_in(model, tree, path=()):
     """The place of every field of a model, in it and in the tables and lists of a tree."""
+    if model.model_config.get("extra") == "allow":
+        (other,) = models_in(get_args(get_type_hints(model)["__pydantic_extra__"])[-1])
+        for name in set(tree) - set(model.model_fields):
+            yield (*path, name)
+            yield from fields_in(other, tree[name], (*path, name))
     for name, field in model.model_fields.items():
         yield (*path, name)
         value = tree.get(name)
