@@ -56,9 +56,7 @@ def test_a_weak_radio_loses_more_and_takes_nothing_from_what_the_channel_loses(c
 
 
 def test_losses_of_a_robot_are_the_same_in_a_larger_team_and_more_at_a_higher_rate():
-    few, many = (
-        Flown(mixed("team.robots.r2.loss_rate=0.4", robots=n), 200).due for n in (3, 6)
-    )
+    few, many = (Flown(mixed("team.robots.r2.loss_rate=0.4", robots=n), 200).due for n in (3, 6))
     np.testing.assert_array_equal(few, many[:, :3, :3])
     some, more = (
         Flown(mixed(f"team.robots.r2.loss_rate={rate}"), 200).lost() for rate in (0.3, 0.6)
@@ -73,9 +71,7 @@ def test_losses_of_a_robot_are_the_same_in_a_larger_team_and_more_at_a_higher_ra
     st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=3, max_size=3),
 )
 def test_a_link_reaches_as_far_as_the_weaker_of_its_two_radios(ranges, cutoff, places):
-    singles = [
-        f"team.robots.r{k + 1}.radio_range_m={own}" for k, own in enumerate(ranges) if own
-    ]
+    singles = [f"team.robots.r{k + 1}.radio_range_m={own}" for k, own in enumerate(ranges) if own]
     loss = [f"channel.loss={{model='range', cutoff_m={cutoff}}}"] if cutoff else []
     away = distances(np.array(places))
     flown = Flown(mixed(*singles, *loss, robots=3), 1, distances_m=away)
