@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from encircle.protocol.process.log import say, say_error
+from encircle.protocol.process.log import printable, say, say_error
 from encircle.protocol.programs.options import Options
 
 if TYPE_CHECKING:
@@ -23,11 +23,17 @@ def replay_main(arguments: Sequence[str], program: str) -> int:
         " observations: do they decide the same?",
     )
     options.add_flag("--check", "feed it to fresh brains and compare decisions")
+    options.add_flag("--robots", "measure each robot: way, modes, messages, beliefs, conflicts")
     settings = options.parse(arguments)
+    if settings.check and settings.robots:
+        options.error("--check and --robots: give one of them")
     # Imported late: a mistyped command need not wait for the brains.
     from encircle.replay.replaying import replay
 
     recording = _read(settings.run)
+    if settings.robots:
+        _say_robots(recording, settings.json)
+        return 0
     if not settings.check:
         summary = _summary(recording)
         lines = [f"{key:10} {value}" for key, value in summary.items()]
@@ -48,6 +54,24 @@ def _summary(recording: "Recording") -> dict[str, Any]:
         "last_tick": max((m[0] for m in recording.messages), default=0),
         "complete": recording.complete,
     }
+
+
+def _say_robots(recording: "Recording", as_json: bool) -> None:
+    """What is measured of each robot, as a table or as JSON."""
+    from encircle.measures.breakdown import breakdown, breakdown_rows
+    from encircle.runlog.recorded_log import log_of_recording
+
+    robots = breakdown(log_of_recording(recording))
+    if as_json:
+        say(json.dumps({"run": recording.run, "seed": recording.seed, "robots": robots}))
+        return
+    rows = [("", "", *(robot["robot"] for robot in robots)), *breakdown_rows(robots)]
+    rows = [tuple(printable(cell) for cell in row) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for name, unit, *values in rows:
+        cells = [name.ljust(widths[0]), unit.ljust(widths[1])]
+        cells += [value.rjust(width) for value, width in zip(values, widths[2:], strict=True)]
+        say("  ".join(cells).rstrip())
 
 
 def _as_dict(outcome: "ReplayCheck") -> dict[str, Any]:

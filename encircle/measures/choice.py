@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from encircle.agents.planning.assignment import whole_quanta
 from encircle.measures.common import cached_per_log, in_unit, mean_or_nan, pairs
-from encircle.runlog.runlog import Floats, RunLog
+from encircle.runlog.runlog import NAN, Floats, RunLog
 
 
 @cached_per_log
@@ -34,16 +34,28 @@ def several(log: RunLog) -> NDArray[np.bool_]:
 
 
 @cached_per_log
-def conflicts(log: RunLog) -> NDArray[np.int64]:
-    """(S,) pairs of robots that hold one point, at each tick with two or more encircling.
+def shared_points(log: RunLog) -> NDArray[np.bool_]:
+    """(T, N (N - 1) / 2) whether the two robots of each pair hold one point.
 
     One point: goals nearer than a body's diameter, where two could not both stand.
     """
     first, second = pairs(log.count)
     goals, both = log.goals, encircling(log)[:, first] & encircling(log)[:, second]
     away = goals[:, first] - goals[:, second]
-    shared = both & (np.hypot(away[..., 0], away[..., 1]) < 2.0 * log.scenario.team.radius_m)
-    return np.asarray(shared.sum(axis=1)[several(log)])
+    near = np.hypot(away[..., 0], away[..., 1]) < 2.0 * log.scenario.team.radius_m
+    return np.asarray(both & near)
+
+
+@cached_per_log
+def conflicts(log: RunLog) -> NDArray[np.int64]:
+    """(S,) pairs of robots that hold one point, at each tick with two or more encircling."""
+    return np.asarray(shared_points(log).sum(axis=1)[several(log)])
+
+
+@in_unit("tick")
+def conflict_ticks(log: RunLog) -> float:
+    """Ticks at which two robots hold one point."""
+    return float((conflicts(log) > 0).sum()) if several(log).any() else NAN
 
 
 @in_unit("1")
@@ -59,8 +71,14 @@ def conflict_pairs_mean(log: RunLog) -> float:
 
 
 @cached_per_log
+def switch_chances(log: RunLog) -> NDArray[np.bool_]:
+    """(T - 1, N) whether a robot encircles at a tick, the first left out, and the one before."""
+    return np.asarray(encircling(log)[1:] & encircling(log)[:-1])
+
+
+@cached_per_log
 def switched(log: RunLog) -> NDArray[np.bool_]:
-    """(W,) whether a robot changed its point, wherever it encircles at two ticks in a row.
+    """(T - 1, N) whether a robot that encircles has changed its point since the tick before.
 
     It has if its goal, relative to its estimate of the target, jumped further than half the way to
     the next point of its ring: ``rho sin(pi / M)`` in a team of M. Without the other point of a
@@ -71,7 +89,7 @@ def switched(log: RunLog) -> NDArray[np.bool_]:
     sizes = log.members[1:].sum(axis=2)
     half_way_m = log.parameters.ring_radius_m * np.sin(np.pi / np.maximum(sizes, 2))
     jumped = (np.hypot(jumps[..., 0], jumps[..., 1]) > half_way_m) & (sizes > 1)
-    return np.asarray(jumped[encircling(log)[1:] & encircling(log)[:-1]])
+    return np.asarray(jumped & switch_chances(log))
 
 
 @in_unit("1")
@@ -83,7 +101,7 @@ def switches(log: RunLog) -> float:
 @in_unit("1")
 def switch_share(log: RunLog) -> float:
     """The share of changes among all chances: a robot encircling at two ticks in a row."""
-    return mean_or_nan(switched(log))
+    return mean_or_nan(switched(log)[switch_chances(log)])
 
 
 @cached_per_log

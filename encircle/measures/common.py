@@ -6,7 +6,7 @@ must not look like a zero.
 
 from collections.abc import Callable
 from functools import lru_cache, wraps
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from encircle.runlog.runlog import NAN, Floats, Integers, RunLog
 
 A = TypeVar("A")
-Measuring = TypeVar("Measuring", bound=Callable[[RunLog], float])
+Measuring = TypeVar("Measuring", bound=Callable[[RunLog], Any])
 
 
 def cached_per_log(function: Callable[[RunLog], A]) -> Callable[[RunLog], A]:
@@ -39,6 +39,12 @@ def in_unit(unit: str) -> Callable[[Measuring], Measuring]:
         return function
 
     return declared
+
+
+def of_each_robot(function: Measuring) -> Measuring:
+    """Declare that a measure answers (N,) numbers, one of each robot, in robot order."""
+    function.of_each_robot = True  # type: ignore[attr-defined]
+    return function
 
 
 def mean_or_nan(values: Floats | Integers | NDArray[np.bool_]) -> float:

@@ -33,7 +33,7 @@ def capture_s(log: RunLog) -> float:
 
 
 @cached_per_log
-def _hunting(log: RunLog) -> NDArray[np.bool_]:
+def hunting(log: RunLog) -> NDArray[np.bool_]:
     """(T + 1, N) which robots take part at a tick; at the last, those of the round before."""
     if not log.ticks:
         return np.ones((1, log.count), bool)
@@ -44,8 +44,8 @@ def _hunting_rays(log: RunLog) -> Floats:
     """(T + 1, N, 2) from the target to the robots; a lost one stands where another one does."""
     rays = log.robots - log.target[:, None]
     # That makes no gap smaller.
-    another = np.take_along_axis(rays, _hunting(log).argmax(axis=1)[:, None, None], axis=1)
-    return np.asarray(np.where(_hunting(log)[..., None], rays, another))
+    another = np.take_along_axis(rays, hunting(log).argmax(axis=1)[:, None, None], axis=1)
+    return np.asarray(np.where(hunting(log)[..., None], rays, another))
 
 
 @cached_per_log
@@ -71,7 +71,7 @@ def ring_tick(log: RunLog) -> float:
     reach_m = log.parameters.near_factor * log.parameters.ring_radius_m
     rays = log.robots - log.target[:, None]
     near = rays[..., 0] ** 2 + rays[..., 1] ** 2 <= reach_m**2
-    formed = (near | ~_hunting(log)).all(axis=1) & enclosed(log)
+    formed = (near | ~hunting(log)).all(axis=1) & enclosed(log)
     return float(formed.argmax()) if formed.any() else NAN
 
 

@@ -18,6 +18,7 @@ from encircle.measures.common import (
     mean_or_nan,
     percentile_or_nan,
 )
+from encircle.runlog.packet_parts import ESTIMATE, PAYLOAD, RELAYED
 from encircle.runlog.runlog import NAN, Integers, RunLog
 
 NEVER = np.iinfo(np.int64).max
@@ -131,6 +132,30 @@ def sent_bytes(log: RunLog) -> float:
 def sent_bytes_per_s(log: RunLog) -> float:
     """Bytes published by all robots per second."""
     return sent_bytes(log) / _duration_s(log) if log.ticks else NAN
+
+
+@in_unit("B")
+def sent_bytes_pose(log: RunLog) -> float:
+    """Bytes of the published poses themselves, without the parts that the next three count."""
+    return sent_bytes(log) - float(log.parts_bytes.sum())
+
+
+@in_unit("B")
+def sent_bytes_payload(log: RunLog) -> float:
+    """Bytes of what policies said in published poses."""
+    return float(log.parts_bytes[..., PAYLOAD].sum())
+
+
+@in_unit("B")
+def sent_bytes_relayed(log: RunLog) -> float:
+    """Bytes of relayed detections in published poses."""
+    return float(log.parts_bytes[..., RELAYED].sum())
+
+
+@in_unit("B")
+def sent_bytes_estimate(log: RunLog) -> float:
+    """Bytes of estimates of the target in published poses."""
+    return float(log.parts_bytes[..., ESTIMATE].sum())
 
 
 def _duration_s(log: RunLog) -> float:

@@ -4,15 +4,18 @@ A measure is a function from a log to one number. Averages are over the ticks of
 robots, links or packets, where there are several), so that a run counts once however long it took;
 NaN stands where there is nothing to average. ``docs/measures.md`` defines each one.
 
+Some measures are of each robot, and a study names whose: ``path_m/r3``.
+
 Those of other packages are found by entry point, group ``encircle.measures``. The modules of
 measures and the log import scipy. They are imported when a measure is first taken, not for names.
 """
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib import import_module
-from math import isinf
+from math import isinf, nan
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from encircle.protocol.plugins import (
@@ -22,6 +25,7 @@ from encircle.protocol.plugins import (
     Registry,
     shown,
 )
+from encircle.protocol.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from encircle.runlog.runlog import RunLog
@@ -44,6 +48,11 @@ SHIPPED: Mapping[str, tuple[str, ...]] = {
         "gap_rad_final",
         "enclosed_share",
     ),
+    "ring_closure": (
+        "closed_share",
+        "slack_rad_mean",
+        "slack_rad_final",
+    ),
     "radio": (
         "age_ticks_mean",
         "age_ticks_p95",
@@ -57,6 +66,10 @@ SHIPPED: Mapping[str, tuple[str, ...]] = {
         "messages_hz_mean",
         "sent_bytes",
         "sent_bytes_per_s",
+        "sent_bytes_pose",
+        "sent_bytes_payload",
+        "sent_bytes_relayed",
+        "sent_bytes_estimate",
     ),
     "belief": (
         "peer_error_m_mean",
@@ -71,6 +84,7 @@ SHIPPED: Mapping[str, tuple[str, ...]] = {
     "choice": (
         "conflict_share",
         "conflict_pairs_mean",
+        "conflict_ticks",
         "switches",
         "switch_share",
         "xi_disagreement_share",
@@ -78,11 +92,45 @@ SHIPPED: Mapping[str, tuple[str, ...]] = {
         "regret_m_mean",
         "regret_defined_share",
     ),
+    "agreement": (
+        "agreed",
+        "agreement_tick",
+        "agreement_s",
+        "negotiation_ticks",
+        "negotiation_messages",
+        "negotiation_bytes",
+        "negotiation_payload_bytes",
+    ),
 }
 """The measures of each module, in the order of a study's columns."""
+SHIPPED_OF_EACH_ROBOT: Mapping[str, tuple[str, ...]] = {
+    "per_robot": (
+        "path_m",
+        "effort_m2ps",
+        "search_share",
+        "encircle_share",
+        "shrink_share",
+        "pursue_share",
+        "lost_share",
+        "messages_sent",
+        "sent_bytes",
+        "sent_bytes_payload",
+        "sent_bytes_relayed",
+        "sent_bytes_estimate",
+        "delivery_ratio",
+        "received_share",
+        "age_ticks_mean",
+        "peer_error_m_mean",
+        "target_error_m_rms",
+        "estimate_missing_share",
+        "conflict_share",
+        "switches",
+    ),
+}
+"""The measures of each robot, which a study has if it names them with a robot: ``path_m/r3``."""
 
-
-MeasureFunction: TypeAlias = Callable[["RunLog"], float]
+ROBOT_SUFFIX = re.compile(r"(.+)/(r[1-9][0-9]*)")
+MeasureFunction: TypeAlias = Callable[["RunLog"], Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +144,10 @@ class Measure:
 
 
 class _ShippedFunctions(Mapping[str, MeasureFunction]):
-    """The shipped measures' functions by name; a module is imported when one of it is taken."""
+    """Shipped measures' functions by name; a module is imported when one of it is taken."""
 
-    def __init__(self) -> None:
-        self._modules = {name: module for module, names in SHIPPED.items() for name in names}
+    def __init__(self, shipped: Mapping[str, tuple[str, ...]]) -> None:
+        self._modules = {name: module for module, names in shipped.items() for name in names}
 
     def __getitem__(self, name: str) -> MeasureFunction:
         module = import_module(f"encircle.measures.{self._modules[name]}")
@@ -116,9 +164,46 @@ class _ShippedFunctions(Mapping[str, MeasureFunction]):
         return len(self._modules)
 
 
-MEASURES: Mapping[str, MeasureFunction] = _ShippedFunctions()
-"""The shipped measures: what is measured where no names are given."""
+MEASURES: Mapping[str, MeasureFunction] = _ShippedFunctions(SHIPPED)
+"""The shipped measures of the team: what is measured where no names are given."""
+ROBOT_MEASURES: Mapping[str, MeasureFunction] = _ShippedFunctions(SHIPPED_OF_EACH_ROBOT)
+"""The shipped measures of each robot: functions of a log that answer (N,) numbers."""
 REGISTRY = Registry(MEASURES_GROUP, MEASURES)
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """A measure's name and the robot whose it is: ``path_m/r3`` is path_m of r3, else of none."""
+    of_robot = ROBOT_SUFFIX.fullmatch(name)
+    return (of_robot[1], of_robot[2]) if of_robot else (name, "")
+
+
+def is_shipped(name: str) -> bool:
+    """Whether a measure, of the team or of a robot, is one of this program's own."""
+    base, robot = split_name(name)
+    return base in (ROBOT_MEASURES if robot else MEASURES)
+
+
+def problem_with(name: str) -> str:
+    """Why nothing can be measured under that name; empty if it can. Loads that plug-in alone."""
+    if is_shipped(name):
+        return ""
+    base, robot = split_name(name)
+    if not robot and base in ROBOT_MEASURES:
+        return f"is of each robot: name one, such as {base}/r1"
+    if robot and (base in MEASURES or base not in REGISTRY.names()):
+        near = did_you_mean(base, ROBOT_MEASURES)
+        return f"unknown measure of each robot{near}; known are: {', '.join(ROBOT_MEASURES)}"
+    if problem := REGISTRY.problem_with(base):
+        return problem
+    if _of_each_robot(REGISTRY.named(base)) == bool(robot):
+        return ""
+    if robot:
+        return f"is of the team: name it without /{robot}"
+    return f"is of each robot: name one, such as {base}/r1"
+
+
+def _of_each_robot(function: MeasureFunction) -> bool:
+    return bool(getattr(function, "of_each_robot", False))
 
 
 @lru_cache(maxsize=256)
@@ -127,21 +212,35 @@ def measure_named(name: str) -> Measure:
 
     A function without ``unit`` (``encircle.measures.common.in_unit``) is one without a unit.
     """
-    function = REGISTRY.named(name)
+    base, robot = split_name(name)
+    of_robot = robot and base in ROBOT_MEASURES
+    function = ROBOT_MEASURES[base] if of_robot else REGISTRY.named(base)
     description = " ".join((function.__doc__ or "").split("\n\n")[0].split())
-    return Measure(name, str(getattr(function, "unit", "1")), description, function)
+    unit = str(getattr(function, "unit", "1"))
+    return Measure(
+        name, unit, description, partial(_of_robot, function, robot) if robot else function
+    )
+
+
+def _of_robot(function: MeasureFunction, robot: str, log: "RunLog") -> Any:
+    """A robot's own of a measure of each, NaN if the team has no such robot."""
+    numbers = list(function(log))
+    if len(numbers) != log.count:
+        raise InvalidPluginResult(
+            f"{shown(numbers)}: must be {log.count} numbers, one of each robot"
+        )
+    ids = log.scenario.ids
+    return float(numbers[ids.index(robot)]) if robot in ids else nan
 
 
 def measure(log: "RunLog", names: Iterable[str] | None = None) -> dict[str, float]:
-    """The measures of that name, all that are shipped by default.
+    """The measures of that name, all that are shipped of the team by default.
 
     ``ValueError`` for a name that is not known, ``PluginFailed`` for a measure that fails.
     """
     wanted = list(MEASURES) if names is None else list(names)
     problems = [
-        f"measure {name!r}: {problem}"
-        for name in wanted
-        if (problem := REGISTRY.problem_with(name))
+        f"measure {name!r}: {problem}" for name in wanted if (problem := problem_with(name))
     ]
     if problems:
         raise ValueError("; ".join(problems))
@@ -150,12 +249,14 @@ def measure(log: "RunLog", names: Iterable[str] | None = None) -> dict[str, floa
 
 def _measured(log: "RunLog", name: str) -> float:
     function = measure_named(name).function
-    if name in MEASURES:
-        return function(log)
+    if is_shipped(name):
+        number: float = function(log)
+        return number
     try:
         return _number(function(log))
     except (Exception, SystemExit) as error:
-        raise PluginFailed(MEASURES_GROUP, name, "", None, error) from error
+        base = split_name(name)[0]
+        raise PluginFailed(MEASURES_GROUP, base, "", None, error) from error
 
 
 def _number(value: Any) -> float:

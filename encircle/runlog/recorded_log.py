@@ -62,7 +62,7 @@ class _LogBuilder:
         self.commands: dict[tuple[int, str], Command] = {}
         self.decided: dict[tuple[int, str], tuple[Belief, Command]] = {}
         self.set_up: set[tuple[int, str]] = set()
-        self.sizes_bytes: dict[tuple[int, str], int] = {}
+        self.packets: dict[tuple[int, str], bytes] = {}
         self.ended: str | None = None
 
     def take(self, tick: int, topic: str, payload: bytes) -> None:
@@ -86,7 +86,7 @@ class _LogBuilder:
         elif channel == "command":
             self.commands[tick, robot] = decode(Command, payload, self.run)
         elif channel == "pose":
-            self.sizes_bytes[tick, robot] = len(payload) - len(self.run)
+            self.packets[tick, robot] = payload
         elif channel == "setup":
             before = len(self.refusals)
             self.set_up.add((tick, robot))
@@ -118,9 +118,10 @@ class _LogBuilder:
                 self._check(tick, robot, command)
                 rounds.beliefs.append(belief)
                 rounds.commands.append(self.commands[tick, robot])
-                rounds.sizes_bytes.append(self.sizes_bytes.get((tick, robot), 0))
+                rounds.packets.append(self.packets.get((tick, robot)))
         ended = self.ended if last == max(states) else None
-        return log_of(rounds, self.scenario, self.arena.seed, states[last].captured, ended)
+        captured = states[last].captured
+        return log_of(rounds, self.scenario, self.arena.seed, captured, ended, self.run)
 
     def _ticks(self, states: dict[int, State]) -> Iterator[int]:
         """Tick 0, and every next one that a whole round led to."""

@@ -24,6 +24,7 @@ from encircle.agents.estimation.kalman import Estimate
 from encircle.agents.teamwork.peers import PeerTable, planning_team, without_lost
 from encircle.protocol.messages import Command, Point
 from encircle.protocol.parameters import Parameters
+from encircle.runlog.packet_parts import NO_PARTS, parts_bytes
 from encircle.runner.memory import RobotAnswer, rare_garbage_collection
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.scenario.model import MoveTarget, Scenario
@@ -52,7 +53,8 @@ class RunLog:
     be, itself included, NaN for those it leaves out. ``due`` and ``copies``: (T, N, N) fates as in
     ``encircle.protocol.messages.Radio``, copies 0 where there are none. ``sizes_bytes``: (T, N) of
     the pose packets without the run's name, whose length is no property of the run; 0 where none
-    was sent. ``there``: (T, N) whether the robot took part in the round. One that was lost has a
+    was sent. ``parts_bytes``: (T, N, 3) how much of it are the parts that ``packet_parts.PARTS``
+    names. ``there``: (T, N) whether the robot took part in the round. One that was lost has a
     step of zero, the mode ``lost``, and else the values of a robot that knows and sends nothing.
     ``ended``: the reason that the world gave, None if the recording does not reach the end.
     """
@@ -74,6 +76,7 @@ class RunLog:
     due: Integers
     copies: Integers
     sizes_bytes: Integers
+    parts_bytes: Integers
     there: NDArray[np.bool_]
     cached_results: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
     """What several measures share, by name; see ``encircle.measures.common.once``."""
@@ -137,14 +140,14 @@ class Rounds:
     """A run as it is collected, tick by tick and robot by robot; ``log_of`` makes arrays of it.
 
     ``positions``: T + 1 arrays (N + 1 or more, 2); ``due`` and ``copies``: T arrays (N, N), or None
-    without copies; ``commands``, ``sizes_bytes`` and ``beliefs``: T times N, None and 0 of a robot
-    that is lost.
+    without copies; ``commands``, ``packets`` and ``beliefs``: T times N, None of a robot that is
+    lost, and no packet of one that is silent.
     """
 
     positions: list[Floats] = field(default_factory=list)
     contacts: list[tuple[int, int, int]] = field(default_factory=list)
     commands: list[Command | None] = field(default_factory=list)
-    sizes_bytes: list[int] = field(default_factory=list)
+    packets: list[bytes | None] = field(default_factory=list)
     beliefs: list[Belief | None] = field(default_factory=list)
     due: list[Integers] = field(default_factory=list)
     copies: list[Integers | None] = field(default_factory=list)
@@ -153,13 +156,13 @@ class Rounds:
         """The next robot in robot order is lost: it has no belief, packet or command."""
         self.commands.append(None)
         self.beliefs.append(None)
-        self.sizes_bytes.append(0)
+        self.packets.append(None)
 
 
 def log_of(
-    rounds: Rounds, scenario: Scenario, seed: int, captured: bool, ended: str | None
+    rounds: Rounds, scenario: Scenario, seed: int, captured: bool, ended: str | None, run: str
 ) -> RunLog:
-    """The log of a run from its rounds."""
+    """The log of a run of that name from its rounds."""
     count, ticks = len(scenario.ids), len(rounds.due)
     commands = rounds.commands
     estimates = _table(
@@ -173,6 +176,8 @@ def log_of(
     none = np.zeros((count, count), np.int64)
     copies = [none if table is None else table for table in rounds.copies]
     points = [-1 if c is None or c.point is None else c.point for c in commands]
+    sizes = [len(packet) - len(run) if packet else 0 for packet in rounds.packets]
+    parts = [parts_bytes(packet) if packet else NO_PARTS for packet in rounds.packets]
     by_robot, by_link = (ticks, count), (ticks, count, count)
     return RunLog(
         scenario=scenario,
@@ -195,7 +200,8 @@ def log_of(
         believed=_table(_believed(rounds.beliefs, count, parameters), (*by_link, 2)),
         due=np.array(rounds.due, np.int64).reshape(by_link),
         copies=np.array(copies, np.int64).reshape(by_link),
-        sizes_bytes=np.array(rounds.sizes_bytes, np.int64).reshape(by_robot),
+        sizes_bytes=np.array(sizes, np.int64).reshape(by_robot),
+        parts_bytes=np.array(parts, np.int64).reshape(*by_robot, len(NO_PARTS)),
         there=np.array([c is not None for c in commands], np.bool_).reshape(by_robot),
     )
 
@@ -235,7 +241,7 @@ class RunLogCollector:
     ) -> None:
         """Every robot that takes part has answered at the world's tick."""
         self._look(world)
-        rounds, name_bytes = self._rounds, len(world.run)
+        rounds = self._rounds
         for core, answer in zip(robots, answers, strict=True):
             if answer is None:
                 rounds.add_lost_robot()
@@ -243,7 +249,7 @@ class RunLogCollector:
             packet, command = answer
             rounds.beliefs.append(belief_of(core))
             rounds.commands.append(command)
-            rounds.sizes_bytes.append(len(packet) - name_bytes if packet else 0)
+            rounds.packets.append(packet)
 
     def ended(self, world: WorldCore) -> None:
         """The run is over."""
@@ -262,8 +268,9 @@ class RunLogCollector:
     def log(self) -> RunLog:
         """The log of the hunt, which must be over."""
         assert self._world is not None, "the hunt is not over"
-        arena, state = self._world.arena, self._world.state
+        world = self._world
+        arena, captured = world.arena, world.state.captured
         with rare_garbage_collection():
             return log_of(
-                self._rounds, arena.scenario, arena.seed, state.captured, self._world.ended
+                self._rounds, arena.scenario, arena.seed, captured, world.ended, world.run
             )

@@ -30,7 +30,7 @@ from pydantic import (
     model_validator,
 )
 
-from encircle.measures.registry import MEASURES
+from encircle.measures.registry import MEASURES, is_shipped, split_name
 from encircle.protocol.plugins import GROUPS, MEASURES_GROUP, STRATEGIES, TARGETS, installed
 from encircle.protocol.process.log import printable
 from encircle.world.loading.load import load
@@ -298,7 +298,11 @@ class Plan(_Model):
     @cached_property
     def plugins(self) -> tuple[tuple[str, str], ...]:
         """Group and name of each plug-in of another package that the study uses."""
-        used = {(MEASURES_GROUP, name) for name in self.measure_names if name not in MEASURES}
+        used = {
+            (MEASURES_GROUP, split_name(name)[0])
+            for name in self.measure_names
+            if not is_shipped(name)
+        }
         for cell in range(len(self.cells)):
             scenario = self.scenario_of(cell)
             used.add((TARGETS, scenario.target.behaviour))

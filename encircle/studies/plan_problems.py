@@ -6,7 +6,7 @@ What is wrong with a single value is found earlier, by ``encircle.studies.plan``
 from collections.abc import Collection, Iterator
 from math import prod
 
-from encircle.measures.registry import MEASURES, REGISTRY
+from encircle.measures.registry import MEASURES, problem_with, split_name
 from encircle.protocol.suggestions import did_you_mean
 from encircle.studies.plan import CELLS_MAX, RESERVED_COLUMNS, Plan
 from encircle.world.scenario.errors import ScenarioError
@@ -29,6 +29,8 @@ def plan_problems(plan: Plan, left_out: Collection[str] = ()) -> list[str]:
             for line in _cell_problems(plan)
             if "axes" not in left_out or NO_ROBOTS_PREFIX not in line
         ]
+        if not problems:
+            problems += _problems_with_robots(plan)
     return problems
 
 
@@ -53,6 +55,15 @@ def _cell_problems(plan: Plan) -> Iterator[str]:
         yield f"{line} (at {where or 'the base'})"
 
 
+def _problems_with_robots(plan: Plan) -> list[str]:
+    """Robots whose measures a study names, and that no cell has."""
+    named = {name: robot for name in plan.measures if (robot := split_name(name)[1])}
+    for cell in range(len(plan.cells) if named else 0):
+        team = plan.scenario_of(cell).ids
+        named = {name: robot for name, robot in named.items() if robot not in team}
+    return [f"measures: {name!r}: no cell has a robot {robot}" for name, robot in named.items()]
+
+
 def problem_lines(error: ScenarioError) -> list[str]:
     """The problems of a scenario, without the first line, which counts them."""
     lines = str(error).splitlines()
@@ -72,7 +83,7 @@ def _name_problems(plan: Plan, left_out: Collection[str]) -> list[str]:
     problems += [
         f"measures: {name!r}: {problem}"
         for name in plan.measures
-        if (problem := REGISTRY.problem_with(name))
+        if (problem := problem_with(name))
     ]
     if {"axes", "strategies"} & set(left_out):
         # Names of axes and levels can be checked only once the axes are valid.

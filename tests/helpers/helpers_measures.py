@@ -45,6 +45,7 @@ def standing(ticks: int, robots: int = 4, **changes: Any) -> RunLog:
         "due": np.where(np.eye(robots, dtype=bool), 0, sent),
         "copies": np.zeros(by_link, np.int64),
         "sizes_bytes": np.full(by_robot, 100),
+        "parts_bytes": np.zeros((*by_robot, 3), np.int64),
         "there": np.full(by_robot, True),
     }
     for name in made.keys() & changes.keys():
@@ -53,3 +54,39 @@ def standing(ticks: int, robots: int = 4, **changes: Any) -> RunLog:
         made[name] = given if fixed else np.broadcast_to(given, made[name].shape).copy()
     rest = {"scenario": scenario(robots), "seed": 1, "captured": False, "ended": "ticks"}
     return RunLog(**made, **{**rest, **changes})
+
+
+def random_log(ticks: int, robots: int, seed: int) -> RunLog:
+    """A log of nonsense, NaN where they may be, of the right shapes."""
+    rng = np.random.default_rng(seed)
+    positions = rng.uniform(-9.0, 9.0, (ticks + 1, robots + 1, 2))
+    kept = rng.random((ticks, robots))
+    none = rng.random((ticks, robots)) < 0.2
+    sent = np.arange(ticks)[:, None, None]
+    shape = (ticks, robots, robots)
+    due = np.where(rng.random(shape) < kept[..., None], sent + rng.integers(1, 9, shape), -1)
+    copies = np.where(rng.random(shape) < 0.1, sent + rng.integers(1, 9, shape), 0)
+    due[:, np.arange(robots), np.arange(robots)] = copies[:, np.arange(robots), range(robots)] = 0
+    due[none] = copies[none] = 0
+    believed = positions[:-1, None, :-1] + rng.normal(0.0, 1.0, (*shape, 2))
+    believed[(rng.random(shape) < 0.3) & ~np.eye(robots, dtype=bool)] = np.nan
+    estimates = rng.normal(0.0, 3.0, (ticks, robots, 4))
+    estimates[none] = np.nan
+    bodies = rng.integers(0, robots + 2, (rng.integers(0, 9), 2))
+    return standing(
+        ticks,
+        robots,
+        positions=positions,
+        contacts=np.insert(np.sort(bodies, axis=1), 0, 1, axis=1),
+        steps=rng.normal(0.0, 0.2, (ticks, robots, 2)),
+        xi=np.where(none, np.nan, rng.integers(0, 7, (ticks, robots))),
+        points=np.where(rng.random((ticks, robots)) < 0.2, -1, 0),
+        goals=rng.uniform(-6.0, 6.0, (ticks, robots, 2)),
+        estimates=estimates,
+        believed=believed,
+        due=due,
+        copies=copies,
+        sizes_bytes=np.where(none, 0, rng.integers(50, 200, (ticks, robots))),
+        parts_bytes=np.where(none[..., None], 0, rng.integers(0, 15, (ticks, robots, 3))),
+        captured=bool(rng.random() < 0.5),
+    )

@@ -5,12 +5,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers_commands import command as run_command
 from helpers_waiting import completed
 
 import encircle
 from encircle.cli.main import COMMANDS, main
+from encircle.runlog.ground_truth import ground_truth_of
+from encircle.world.recording.recording import read_recording
 
 REQUIRED = {
     "scenario",
@@ -73,7 +76,21 @@ def test_replay_check_passes_on_an_honest_recording(tmp_path):
     assert json.loads(done.stdout)["same"] is True
 
 
-@pytest.mark.parametrize("options", [(), ("--check",), ("--json",), ("--check", "--json")])
+def test_replay_tells_of_each_robot(tmp_path):
+    hunt = encircle.run("sim2", link="memory", out=tmp_path / "run")
+    told = json.loads(command(tmp_path, "replay", "run", "--robots", "--json").stdout)
+    assert [robot["robot"] for robot in told["robots"]] == list(hunt.scenario.ids)
+    ways_m = [robot["path_m"] for robot in told["robots"]]
+    places = ground_truth_of(read_recording(tmp_path / "run")).robots
+    assert ways_m == pytest.approx(np.linalg.norm(np.diff(places, axis=0), axis=2).sum(axis=0))
+    table = command(tmp_path, "replay", "run", "--robots").stdout.splitlines()
+    assert table[0].split() == list(hunt.scenario.ids)
+    assert ["path_m", "m", *(f"{way_m:.4g}" for way_m in ways_m)] in [row.split() for row in table]
+
+
+@pytest.mark.parametrize(
+    "options", [(), ("--check",), ("--json",), ("--check", "--json"), ("--robots",)]
+)
 def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options):
     encircle.run("sim1", link="memory", out=tmp_path / "run")
     whole = command(tmp_path, "replay", "run", *options)
@@ -122,6 +139,7 @@ def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options
         (["run", "sim1", "sim2"], "unrecognized arguments: sim2"),
         (["run", "sim1", "--seed", "x"], "argument --seed: 'x' is not a whole number"),
         (["replay"], "run is missing: give it"),
+        (["replay", "a", "--check", "--robots"], "--check and --robots: give one of them"),
         (["trace", "absent"], "--out is missing: give it"),
         (["certificates", "new"], "--robots is missing: give it"),
         (["study", "loss", "--seeds", "0"], "'0' is not a whole number of at least 1"),

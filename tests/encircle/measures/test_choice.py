@@ -39,6 +39,7 @@ def test_goals_nearer_than_a_body_are_one_point():
     assert choice.conflicts(log).tolist() == [0, 1, 6, 0]
     assert choice.conflict_share(log) == 0.5
     assert choice.conflict_pairs_mean(log) == pytest.approx(7 / 4)
+    assert choice.conflict_ticks(log) == 2.0
 
 
 def test_numbers_of_points_are_no_places():
@@ -58,6 +59,7 @@ def test_a_robot_that_does_not_encircle_holds_no_point():
     none = standing(4, points=-1)
     assert isnan(choice.conflict_share(none))
     assert isnan(choice.conflict_pairs_mean(none))
+    assert isnan(choice.conflict_ticks(none))
     assert isnan(choice.xi_disagreement_share(none))
     assert isnan(choice.switch_share(none))
     assert choice.switches(none) == 0.0
@@ -97,7 +99,7 @@ def test_a_new_number_a_turned_ring_or_a_moved_target_is_no_switch():
     points = (still.points + np.arange(12)[:, None]) % 4
     log = standing(12, goals=goals, estimates=estimates, points=points)
     assert choice.switches(log) == 0.0
-    assert choice.switched(log).shape == (11 * 4,)
+    assert choice.switch_chances(log).sum() == 11 * 4
 
 
 def test_what_happens_while_a_robot_does_not_encircle_is_no_switch():
@@ -106,7 +108,7 @@ def test_what_happens_while_a_robot_does_not_encircle_is_no_switch():
     points[2, 0] = -1
     log = standing(5, goals=goals, points=points)
     assert choice.switches(log) == 0.0
-    assert choice.switched(log).shape == (3 * 4 + 2,)
+    assert choice.switch_chances(log).sum() == 3 * 4 + 2
     alone = standing(5, 1, goals=[[[0.0, 4.0]]] * 2 + [[[9.0, 0.0]]] * 3)
     assert choice.switches(alone) == 0.0
 

@@ -1,15 +1,15 @@
 """The table of measures: complete, in step with its documentation, sound on whatever log."""
 
-from math import isnan, nan
+from math import isnan
 
 import numpy as np
 import pytest
-from helpers_measures import standing
+from helpers_measures import random_log, standing
 from helpers_paths import DOCS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from encircle.measures.registry import MEASURES, measure, measure_named
+from encircle.measures.registry import MEASURES, ROBOT_MEASURES, measure, measure_named
 from encircle.runlog.ground_truth import ground_truth_of, points_shared
 from encircle.runlog.recorded_log import log_of_recording
 from encircle.runlog.runlog import RunLogCollector
@@ -27,12 +27,17 @@ SHARES = [name for name in MEASURES if name.endswith(("_share", "_ratio"))]
 
 def test_the_documentation_lists_every_measure_with_its_unit_and_no_other():
     text = DOCUMENTATION.read_text(encoding="utf-8")
-    rows = [line.split("|") for line in text.splitlines() if line.startswith("| `")]
-    listed = {row[1].strip(" `"): row[2].strip() for row in rows}
-    assert listed == {name: measure_named(name).unit for name in MEASURES}
-    assert [row[1].strip(" `") for row in rows] == list(MEASURES)
-    below = text[text.rindex("| `") :]
+    of_team, of_each = text.split("## Of each robot\n")
+    assert rows_of(of_team) == [(name, measure_named(name).unit) for name in MEASURES]
+    below = of_team[of_team.rindex("| `") :]
     assert [name for name in MEASURES if f"`{name}`" not in below] == []
+    assert rows_of(of_each) == [(name, measure_named(f"{name}/r1").unit) for name in ROBOT_MEASURES]
+
+
+def rows_of(page):
+    """Name and unit of each row of a page's table of measures."""
+    rows = [line.split("|") for line in page.splitlines() if line.startswith("| `")]
+    return [(row[1].strip(" `"), row[2].strip()) for row in rows]
 
 
 def test_every_measure_says_what_it_is_in_one_line():
@@ -67,41 +72,6 @@ def test_short_runs_and_small_teams_give_numbers_or_nan_and_no_warning(ticks, ro
         assert isnan(found["age_ticks_mean"])
         assert isnan(found["sent_bytes_per_s"])
         assert found["path_m_total"] == 0.0
-
-
-def random_log(ticks, robots, seed):
-    """A log of nonsense, NaN where they may be, of the right shapes."""
-    rng = np.random.default_rng(seed)
-    positions = rng.uniform(-9.0, 9.0, (ticks + 1, robots + 1, 2))
-    kept = rng.random((ticks, robots))
-    none = rng.random((ticks, robots)) < 0.2
-    sent = np.arange(ticks)[:, None, None]
-    shape = (ticks, robots, robots)
-    due = np.where(rng.random(shape) < kept[..., None], sent + rng.integers(1, 9, shape), -1)
-    copies = np.where(rng.random(shape) < 0.1, sent + rng.integers(1, 9, shape), 0)
-    due[:, np.arange(robots), np.arange(robots)] = copies[:, np.arange(robots), range(robots)] = 0
-    due[none] = copies[none] = 0
-    believed = positions[:-1, None, :-1] + rng.normal(0.0, 1.0, (*shape, 2))
-    believed[(rng.random(shape) < 0.3) & ~np.eye(robots, dtype=bool)] = nan
-    estimates = rng.normal(0.0, 3.0, (ticks, robots, 4))
-    estimates[none] = nan
-    bodies = rng.integers(0, robots + 2, (rng.integers(0, 9), 2))
-    return standing(
-        ticks,
-        robots,
-        positions=positions,
-        contacts=np.insert(np.sort(bodies, axis=1), 0, 1, axis=1),
-        steps=rng.normal(0.0, 0.2, (ticks, robots, 2)),
-        xi=np.where(none, nan, rng.integers(0, 7, (ticks, robots))),
-        points=np.where(rng.random((ticks, robots)) < 0.2, -1, 0),
-        goals=rng.uniform(-6.0, 6.0, (ticks, robots, 2)),
-        estimates=estimates,
-        believed=believed,
-        due=due,
-        copies=copies,
-        sizes_bytes=np.where(none, 0, rng.integers(50, 200, (ticks, robots))),
-        captured=bool(rng.random() < 0.5),
-    )
 
 
 @CHEAP
