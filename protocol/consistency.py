@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from encircle.protocol.messages import CAUSE_CODE_MAX, Radio, Setup, State
+from encircle.protocol.messages import CAUSE_CODE_MAX, Pose, Radio, Setup, State
+from encircle.protocol.target_estimate import is_sound
 
 
 def problem_of(message: Any) -> str | None:
@@ -16,6 +17,24 @@ def _problem_of_setup(setup: Setup) -> str | None:
     if setup.answer_tick >= setup.first_tick:
         return None
     return f"answer_tick is {setup.answer_tick}, must be first_tick ({setup.first_tick}) or later"
+
+
+def _problem_of_pose(pose: Pose) -> str | None:
+    """An estimate is made of detections of its tick or earlier, and can be fused with others."""
+    estimate = pose.estimate
+    if estimate is None:
+        return None
+    if estimate.detected_tick > pose.tick:
+        return (
+            f"estimate holds a detection of tick {estimate.detected_tick}, must be of tick"
+            f" {pose.tick} or earlier"
+        )
+    if is_sound((estimate.p00, estimate.p01, estimate.p11)):
+        return None
+    return (
+        f"estimate has the covariance {estimate.p00:g}, {estimate.p01:g}, {estimate.p11:g}, must be"
+        " positive definite"
+    )
 
 
 def _problem_of_state(state: State) -> str | None:
@@ -41,6 +60,7 @@ def _problem_of_radio(radio: Radio) -> str | None:
 
 
 _CHECKS: dict[type[Any], Callable[[Any], str | None]] = {
+    Pose: _problem_of_pose,
     Setup: _problem_of_setup,
     State: _problem_of_state,
     Radio: _problem_of_radio,

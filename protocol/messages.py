@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 from encircle.protocol.endings import Reason
 from encircle.protocol.real_time import Timing
+from encircle.protocol.target_estimate import TargetEstimate
 from encircle.protocol.wire import checks
 from encircle.protocol.wire.declaration import Field
 from encircle.protocol.wire.field_types import (
@@ -263,6 +264,16 @@ class Pose:
             may_be_left_out=True,
         ),
     ] = NOTHING_SAID
+    estimate: Annotated[
+        TargetEstimate | None,
+        Field(
+            "where it believes the target to be at this tick, [told](#estimates) instead of"
+            " detections: tick of the newest detection in it, x, y, vx, vy, and per axis the"
+            " covariance p00, p01, p11",
+            "m, s",
+            may_be_left_out=True,
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,8 +104,10 @@ class Parameters:
     late_detections: Literal["refilter", "ignore"] = "refilter"
     """Detections that would have come earlier without delay: ``refilter`` the window with each at
     its own tick, or ``ignore`` them."""
-    detections: Literal["own", "relay"] = "own"
-    """Which detections packets carry: the sender's ``own``, or also (``relay``) those of others."""
+    detections: Literal["own", "relay", "fuse", "fuse-naive"] = "own"
+    """What packets tell of the target: the sender's ``own`` detections, or also (``relay``) those
+    of others; or its estimate instead, which receivers ``fuse`` with theirs by covariance
+    intersection, or (``fuse-naive``) as if the two were independent, to be compared with."""
     relay_age_ticks_max: Annotated[int, Range(1, 500), Unit("ticks")] = 10
     """Detections older than this, or than the window, are not relayed."""
     publish: Literal["always", "event"] = "always"
@@ -177,6 +179,11 @@ class Parameters:
             lines.append(
                 f"xi_grid = {list(grid)}: must be 1 to {XI_COUNT_MAX} ascending steps"
                 f" from 0 to {XI_MAX:g}"
+            )
+        if self.detections.startswith("fuse") and self.publish == "event":
+            lines.append(
+                f"publish = 'event': must be always where detections = {self.detections!r}:"
+                " what peers know of an estimate that each fuses with its own cannot be worked out"
             )
         if (self.spline_samples - 1) * self.spline_spacing_ticks >= self.window_ticks:
             lines.append(

@@ -18,6 +18,7 @@ from encircle.agents.planning.collision_avoidance import avoid
 from encircle.agents.planning.search import Search, search_goal
 from encircle.agents.policies.decision_check import validated
 from encircle.agents.policies.interface import Decision, Policy, View
+from encircle.agents.teamwork import fusing
 from encircle.agents.teamwork import peers as team
 from encircle.agents.teamwork.publishing import ReceiverModel, next_receiver_model, should_publish
 from encircle.agents.teamwork.relaying import detections_to_relay, relayed_detections
@@ -104,7 +105,14 @@ def step(
     tick, own = observation.tick, indices[config.robot]
     peers = team.incorporate(state.peers, received, seen, tick, config.tick_s)
     detections_in = _detections(observation, own, received, indices)
-    track = kalman.incorporate(state.track, detections_in, tick, config.tick_s, config.parameters)
+    if config.parameters.detections in fusing.FUSIONS:
+        track = fusing.incorporate(
+            state.track, detections_in, received, own, tick, config.tick_s, config.parameters
+        )
+    else:
+        track = kalman.incorporate(
+            state.track, detections_in, tick, config.tick_s, config.parameters
+        )
     lost = state.lost
     if lost or observation.lost:
         lost = team.update_lost(
@@ -221,6 +229,7 @@ def _packet(
         state.receiver_model, tick, position, detection, config.tick_s, parameters
     ):
         return None
+    fuses = parameters.detections in fusing.FUSIONS
     x, y = state.position or position
     since_s = config.tick_s * (1 + missed_ticks)
     return Pose(
@@ -229,7 +238,7 @@ def _packet(
         tick,
         position,
         ((position[0] - x) / since_s, (position[1] - y) / since_s),
-        detection,
+        None if fuses else detection,
         decision.mode,
         decision.xi,
         decision.point,
@@ -238,6 +247,7 @@ def _packet(
         else (),
         None,
         decision.say if isinstance(decision.say, FrozenMap) else NOTHING_SAID,
+        fusing.estimate_to_tell(track) if fuses else None,
     )
 
 

@@ -70,7 +70,9 @@ class Track(NamedTuple):
     detected_tick: int
     """Newest tick at which anyone is known to have detected the target; -1 if none is."""
     dropped: int
-    """Detections that came too late to be used."""
+    """Detections, or estimates told by others, that came too late to be used."""
+    told_ticks: tuple[tuple[int, int], ...] = ()
+    """Where estimates are told: robots' numbers, and the ticks of their newest that has come."""
 
     @property
     def estimate(self) -> Estimate | None:
@@ -120,14 +122,14 @@ def incorporate(
     if -1 < newest < tick - parameters.track_age_ticks_max:
         # What the old track was fed with is forgotten, so a copy of it must not feed the new one.
         first = max(first, newest + 1)
-        return Track(first, None, (EMPTY,) * (tick + 1 - first), -1, dropped)
+        return Track(first, None, (EMPTY,) * (tick + 1 - first), -1, dropped, track.told_ticks)
     noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
     before = entries[dirty - 1].estimate if dirty else base
     for index in range(dirty, len(entries)):
         heard = entries[index].detections
         before = _step(before, heard, noise, parameters.velocity_mps_std)
         entries[index] = Entry(heard, before)
-    return Track(first, base, tuple(entries), newest, dropped)
+    return Track(first, base, tuple(entries), newest, dropped, track.told_ticks)
 
 
 def coast_to(track: Track, tick: int, tick_s: float, parameters: Parameters) -> Track:
@@ -152,6 +154,25 @@ def next_estimate(
     """The estimate one tick later, for detections that come in order: the filter, no window."""
     noise = (tick_s, parameters.acceleration_mps2_std, parameters.measurement_m_std)
     return _step(before, detections, noise, parameters.velocity_mps_std)
+
+
+def predicted(estimate: Estimate, ticks: int, tick_s: float, parameters: Parameters) -> Estimate:
+    """The estimate ``ticks`` later without detections, by the filter's motion model at once.
+
+    The process noise over k ticks of length h sums up, per axis, to (s h)^2 times
+    h^2 k (4 k^2 - 1) / 12 for the position, k for the velocity, and h k^2 / 2 between the two.
+    """
+    x, y, vx, vy, (p00, p01, p11) = estimate
+    k, time_s = float(ticks), ticks * tick_s
+    noise = (parameters.acceleration_mps2_std * tick_s) ** 2
+    covariance = (
+        p00
+        + time_s * (2.0 * p01 + time_s * p11)
+        + noise * tick_s**2 * k * (4.0 * k * k - 1.0) / 12.0,
+        p01 + time_s * p11 + noise * tick_s * k * k / 2.0,
+        p11 + noise * k,
+    )
+    return Estimate(x + time_s * vx, y + time_s * vy, vx, vy, covariance)
 
 
 def _step(
