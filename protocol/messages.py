@@ -307,7 +307,7 @@ class Command:
         Mapping[Text, Count],
         Field(
             "how many messages it has refused so far, by [cause](#what-is-refused); under"
-            " `late-detection`, how many detections came too late for its filter"
+            " `late-detection`, how many detections or estimates came too late for its filter"
         ),
     ] = field(default_factory=dict)
     timing: Annotated[

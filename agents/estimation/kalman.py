@@ -7,10 +7,11 @@ covariance and gain depend on the numbers of detections only, not on what was de
 filterpy's, from ``predict`` and ``update``, and remembered (rounded to 1e-12, so that the recursion
 comes to rest); a step of the mean is our own, a handful of multiplications.
 
-Raw detections travel, with origin and tick, never estimates. A detection that arrives late is put
-at its tick and the filter is run again from there over its short window, so the result is the same
-as if everything had arrived in order, and nothing is counted twice, whatever ways a detection takes
-to get here. The alternative, to ignore what is late, is there to be compared with.
+Raw detections travel, with origin and tick, unless robots tell estimates
+(``encircle.agents.teamwork.fusing``). A detection that arrives late is put at its tick and the
+filter is run again from there over its short window, so the result is the same as if everything had
+arrived in order, and nothing is counted twice, whatever ways a detection takes to get here. The
+alternative, to ignore what is late, is there to be compared with.
 """
 
 from collections.abc import Iterable

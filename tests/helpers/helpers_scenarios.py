@@ -161,7 +161,10 @@ TARGET: dict[str, DrawnFigure] = {
 
 
 def _robot(draws: Draws) -> Tree:
-    return _some(draws, PARAMETERS, draws.choice((0.0, 0.1, 0.4)))
+    robot = _some(draws, PARAMETERS, draws.choice((0.0, 0.1, 0.4)))
+    if str(robot.get("detections")).startswith("fuse"):
+        robot.pop("publish", None)  # estimates are told always
+    return robot
 
 
 def _one_of(*choices: Any) -> DrawnFigure:
@@ -195,7 +198,7 @@ PARAMETERS: dict[str, DrawnFigure] = {
     "window_ticks": _whole(5, 40),
     "track_age_ticks_max": _whole(3, 40),
     "late_detections": _one_of("refilter", "ignore"),
-    "detections": _one_of("own", "relay", "relay"),
+    "detections": _one_of("own", "relay", "relay", "fuse", "fuse-naive"),
     "relay_age_ticks_max": _whole(1, 20),
     "publish": _one_of("always", "event", "event"),
     "publish_every_ticks": _whole(1, 4),

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from encircle.protocol.codec import decode, decode_pose, encode
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+from encircle.protocol.target_estimate import TargetEstimate
 
 RUN = "fuzz"
 POSE = Pose("r1", 7, 7, (1.5, -2.25), (0.5, 0.0), (3.0, 4.0), "encircle", 2.0, 1)
 BARE = Pose("r2", 0, 0, (0.0, 0.0), (0.0, 0.0), None, "search", None, None)
 RELAYING = replace(POSE, relayed=(("r2", 6, 1.0, 2.0), ("r3", 6, 1.5, 2.5), ("r2", 5, 0.0, -1.0)))
-POSES = st.sampled_from([POSE, BARE, RELAYING])
+TELLING = replace(BARE, estimate=TargetEstimate(0, 3.0, 4.0, -1.0, 0.5, 0.0025, 0.01, 1.5))
+POSES = st.sampled_from([POSE, BARE, RELAYING, TELLING])
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=400)
 ODD = st.sampled_from(
     [
@@ -48,6 +50,9 @@ ODD = st.sampled_from(
         [["r2", 6, 1.0, 2.0, 3.0]],
         ["r2 6"],
         [{"a": 1, "b": 2, "c": 3, "d": 4}],
+        [0, 1, 2, 3, 4, 1, 0, 1],
+        [0, 1.0, 2.0, 3.0, 4.0, 1.0, 1.0, 1.0],
+        [9, 1.0, 2.0, 3.0, 4.0, 1.0, 0.0, 1.0],
     ]
 )
 CELLS = ("r2", "x" * 256, "x" * 257, b"r2", 6, 0, -1, 2**53 - 1, 2**53, 2**64 - 1, True, None)

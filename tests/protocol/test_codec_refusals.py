@@ -78,6 +78,10 @@ PLAIN_MAP = (*NOT_PLAIN, *({"a": number} for number in TOO_LARGE), {"a": [1.0, {
 DEEP: Any = {"a": {"a": {"a": {"a": {"a": {"a": {"a": 1}}}}}}}
 SAY = (*NOT_PLAIN, {"a": "x" * 1030}, {"a": {"b": b"x" * 1030}}, DEEP)
 
+_TOLD = [3, 1.0, 2.0, 0.0, -0.5, 1.0, 0.5, 2.0]
+NOT_POSITIVE_DEFINITE = ([0, 0, 1], [1, 0, 0], [1, 1, 1], [1.0, -2.0, 1.0], [-1.0, 0.0, -1.0])
+"""Covariances that no estimate can have; ``_TOLD`` is one as a robot may tell it at tick 3."""
+
 WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
     Setup: {
         "robot": TEXT,
@@ -163,6 +167,15 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
         ),
         "sent_us": COUNT_OR_NONE,
         "say": SAY,
+        "estimate": (
+            *(v for v in NOT_A_LIST if v is not None),
+            [],
+            [2, 1.0, 2.0, 0.0, 0.0, 1.0, 0.0],
+            [2, 1.0, 2.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0],
+            *([*_TOLD[:k], wrong, *_TOLD[k + 1 :]] for k in range(1, 8) for wrong in NUMBER),
+            *([wrong, *_TOLD[1:]] for wrong in (*COUNT, 4)),
+            *([*_TOLD[:5], *wrong] for wrong in NOT_POSITIVE_DEFINITE),
+        ),
     },
     Command: {
         "robot": TEXT,

@@ -62,7 +62,7 @@ def test_the_answers_to_bad_communication_have_ranges(name, low, high):
     ("name", "choices"),
     [
         ("publish", ("always", "event")),
-        ("detections", ("own", "relay")),
+        ("detections", ("own", "relay", "fuse", "fuse-naive")),
         ("late_detections", ("refilter", "ignore")),
     ],
 )
@@ -73,6 +73,14 @@ def test_the_answers_to_bad_communication_have_choices(name, choices):
     assert "'sometimes'" in message
     for choice in choices:
         assert choice in message
+
+
+@pytest.mark.parametrize("way", ["fuse", "fuse-naive"])
+def test_who_tells_estimates_cannot_publish_on_events(way):
+    message = problems_of({"detections": way, "publish": "event"})
+    assert "publish = 'event': must be always" in message
+    assert f"detections = {way!r}" in message
+    assert Parameters.from_mapping({"detections": way}).detections == way
 
 
 def test_defaults_have_no_problems_and_an_empty_mapping_gives_them():

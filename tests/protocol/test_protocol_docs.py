@@ -98,8 +98,9 @@ def test_the_round_in_bytes_is_what_its_program_prints(capsys):
         ["robot.publish=event", "robot.detections=relay", "seed=7", "title=Another"],
         ["robot.publish_every_ticks=3", "ticks_max=20", "sensing.noise_m_std=0.05"],
         ["robot.publish_every_ticks=2", "channel.duplication.rate=0.5"],
+        ["robot.detections=fuse", 'channel.loss={model="bernoulli",rate=0.3}'],
     ],
-    ids=["plain", "relayed", "event", "third", "copied"],
+    ids=["plain", "relayed", "event", "third", "copied", "fused"],
 )
 def test_the_digest_of_a_recording_is_the_one_its_program_prints(
     changes, tmp_path, monkeypatch, capsys
