@@ -46,6 +46,13 @@ class Range:
     high: float
 
 
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """In the type of a plug-in's own parameter: what it means, in a sentence."""
+
+    text: str
+
+
 Body = Annotated[float, Range(1e-3, 100.0), Unit("m")]
 Length = Annotated[float, Range(1e-3, 1e4), Unit("m")]
 LengthOrZero = Annotated[float, Range(0.0, 1e4), Unit("m")]

@@ -28,8 +28,15 @@ STRATEGIES, TARGETS, MEASURES_GROUP = "encircle.strategies", "encircle.targets",
 GROUPS = (STRATEGIES, TARGETS, MEASURES_GROUP)
 KINDS = {STRATEGIES: "policy", TARGETS: "target behaviour", MEASURES_GROUP: "measure"}
 TARGET = "target"
-SHIPPED_POLICIES = ("xi-star", "xi-0", "xi-1", "xi-3", "pursuit")
-"""Names that every robot has a policy for; a world knows them without looking for plug-ins."""
+_POLICIES = "encircle.agents.policies"
+SHIPPED_POLICIES = {
+    "xi-star": f"{_POLICIES}.paper:xi_star",
+    "xi-0": f"{_POLICIES}.paper:xi_0",
+    "xi-1": f"{_POLICIES}.paper:xi_1",
+    "xi-3": f"{_POLICIES}.paper:xi_3",
+    "pursuit": f"{_POLICIES}.paper:pursue",
+}
+"""Policies that every robot has, by name; a world knows them without looking for plug-ins."""
 OWN = "encircle"
 """The distribution whose entry points are the shipped ones, not plug-ins."""
 TEXT_MAX = 300

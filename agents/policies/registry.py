@@ -6,17 +6,9 @@ from typing import Any
 
 from encircle.agents.policies.interface import Policy
 from encircle.protocol.plugin_files import is_in_file, source_digest
-from encircle.protocol.plugins import STRATEGIES, PluginLoadError, Registry
+from encircle.protocol.plugins import SHIPPED_POLICIES, STRATEGIES, PluginLoadError, Registry
 
-_ROOM = "encircle.agents.policies"
-SHIPPED: dict[str, str] = {
-    "xi-star": f"{_ROOM}.paper:xi_star",
-    "xi-0": f"{_ROOM}.paper:xi_0",
-    "xi-1": f"{_ROOM}.paper:xi_1",
-    "xi-3": f"{_ROOM}.paper:xi_3",
-    "pursuit": f"{_ROOM}.paper:pursue",
-}
-REGISTRY = Registry(STRATEGIES, SHIPPED)
+REGISTRY = Registry(STRATEGIES, SHIPPED_POLICIES)
 SHOWN_DIGITS = 12
 
 

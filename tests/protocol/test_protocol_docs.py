@@ -23,12 +23,13 @@ from helpers_protocol_page import PAGE, program, section
 from helpers_waiting import communicated, ended, until
 
 import encircle
-from encircle.agents.policies.registry import SHIPPED, policy_named
+from encircle.agents.policies.registry import policy_named
 from encircle.protocol import VERSION
 from encircle.protocol.codec import BYTES_MAX
 from encircle.protocol.keys import world_key
 from encircle.protocol.lockstep import TABLE, Move, Phase
 from encircle.protocol.parameters import Parameters
+from encircle.protocol.plugins import SHIPPED_POLICIES
 from encircle.protocol.zenoh.access_control import RETRY, configuration_file
 from encircle.protocol.zenoh.configuration import configuration
 from encircle.protocol.zenoh.endpoints import Endpoints
@@ -202,7 +203,7 @@ def test_the_viewer_of_the_page_sees_a_hunt_until_its_world_is_gone(tmp_path):
 def test_the_strategies_of_the_page_are_the_ones_there_are():
     table = section("The hunt").split("| `strategy` |")[1].split("\n\n")[0]
     rows = re.findall(r"^\| (`.*?) \|", table, re.MULTILINE)
-    assert [name.strip("`") for row in rows for name in row.split(", ")] == list(SHIPPED)
+    assert [name.strip("`") for row in rows for name in row.split(", ")] == list(SHIPPED_POLICIES)
 
 
 def test_a_capture_is_what_the_page_says():

@@ -4,15 +4,18 @@ from collections.abc import Mapping, Sequence
 from math import hypot
 from typing import Any
 
+import msgpack
+
 from encircle.protocol.parameters import Parameters, Problems
 from encircle.protocol.plugins import SHIPPED_POLICIES, STRATEGIES, PluginLoadError, Registry
 from encircle.world.loading.channel_consistency import problems_of_radio
 from encircle.world.scenario.fields import ROBOTS_MAX
 from encircle.world.scenario.model import Scenario
-from encircle.world.targets.behaviours import behaviour_named, check_parameters
+from encircle.world.scenario.plugin_parameters import check_parameters
+from encircle.world.targets.behaviours import REGISTRY as BEHAVIOURS
 
 STARTING_GAP_M = 1e-4
-POLICY_NAMES = Registry(STRATEGIES, dict.fromkeys(SHIPPED_POLICIES))
+POLICIES = Registry(STRATEGIES, SHIPPED_POLICIES)
 """The functions themselves are the robots'."""
 
 
@@ -70,31 +73,19 @@ def _times(scenario: Scenario) -> list[str]:
 
 
 def _names(scenario: Scenario) -> list[str]:
-    problems = []
+    team, target = scenario.team, scenario.target
     # The robots would find out, but later, and each by itself.
-    strategies = {"team.strategy": scenario.team.strategy}
-    strategies |= {
-        f"team.robots.{robot}.strategy": own.strategy
-        for robot, own in scenario.team.overrides.items()
-        if own.strategy is not None
-    }
-    for key, strategy in strategies.items():
-        if problem := POLICY_NAMES.problem_with(strategy):
-            problems.append(f"{key} = {strategy!r}: {problem}")
-    try:
-        behaviour = behaviour_named(scenario.target.behaviour)
-    except (ValueError, PluginLoadError) as error:
-        problems.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
-    else:
-        try:
-            check_parameters(behaviour, scenario.target.parameters)
-        except Problems as error:
-            problems.extend(
-                f"target.parameters.{problem} (target.behaviour = {scenario.target.behaviour!r})"
-                for problem in error.lines
+    problems = _policy("team", team.strategy, team.policy_parameters)
+    for robot, own in team.overrides.items():
+        if own.strategy is not None or own.policy_parameters is not None:
+            problems += _policy(
+                f"team.robots.{robot}",
+                scenario.strategy_of(robot),
+                scenario.policy_parameters_of(robot),
             )
-        except ValueError as error:
-            problems.append(f"target.behaviour = {scenario.target.behaviour!r}: {error}")
+    problems += _plugin(
+        BEHAVIOURS, "target.behaviour", target.behaviour, "target.parameters", target.parameters
+    )
     problems += [
         f"robot.{name} = {scenario.robot[name]!r}: belongs under team, target or capture"
         for name in sorted(set(scenario.robot) & set(scenario.bodies))
@@ -113,6 +104,29 @@ def _problems_of_parameters(parameters: Mapping[str, Any]) -> Sequence[str]:
     except Problems as error:
         return error.lines
     return ()
+
+
+def _policy(table: str, name: str, parameters: Mapping[str, Any]) -> list[str]:
+    if name in SHIPPED_POLICIES and not parameters:
+        # It needs none; and a world need not import what only robots use.
+        return []
+    return _plugin(POLICIES, f"{table}.strategy", name, f"{table}.policy_parameters", parameters)
+
+
+def _plugin(
+    registry: Registry, key: str, name: str, parameters_key: str, parameters: Mapping[str, Any]
+) -> list[str]:
+    """What is wrong with a plug-in's name, or with its own parameters."""
+    try:
+        check_parameters(registry.named(name), parameters)
+        msgpack.packb(parameters)
+    except Problems as error:
+        return [f"{parameters_key}.{problem} ({key} = {name!r})" for problem in error.lines]
+    except (ValueError, PluginLoadError) as error:
+        return [f"{key} = {name!r}: {error}"]
+    except (TypeError, OverflowError) as error:
+        return [f"{parameters_key}: cannot be sent to robots: {error}"]
+    return []
 
 
 def _overlaps(scenario: Scenario) -> list[str]:

@@ -4,15 +4,17 @@
     python -m encircle.world.loading.describe --write    make it so
 
 The first comment of a table names what it is of. The page must have every table of a scenario, the
-parameters of every target behaviour and those of the robots.
+parameters of every target behaviour, those of the robots and those of every policy.
 """
 
 import inspect
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from pkgutil import resolve_name
 
 from encircle.protocol.parameters import SET_BY_ROBOT_KEYS
+from encircle.protocol.plugins import SHIPPED_POLICIES
 from encircle.protocol.programs.generated_pages import check_or_write, with_parts
 from encircle.world.loading.declarations import (
     DeclaredKey,
@@ -22,7 +24,8 @@ from encircle.world.loading.declarations import (
     tables_of,
 )
 from encircle.world.scenario.model import Scenario
-from encircle.world.targets.behaviours import BUILT_IN, parameters_of
+from encircle.world.scenario.plugin_parameters import parameters_of
+from encircle.world.targets.behaviours import BUILT_IN
 
 PAGE = Path("docs/scenario.md")
 _COMMAND = "python -m encircle.world.loading.describe"
@@ -42,6 +45,9 @@ def sections() -> dict[str, str]:
         f"behaviour {name}": _section(behaviour.__doc__, keys_of_model(parameters_of(behaviour)))
         for name, behaviour in BUILT_IN.items()
     }
+    for name, where in SHIPPED_POLICIES.items():
+        policy = resolve_name(where)
+        texts[f"policy {name}"] = _section(policy.__doc__, keys_of_model(parameters_of(policy)))
     return texts
 
 

@@ -5,28 +5,24 @@ what it wants to remember it returns and is given back at the next tick. Keyword
 its parameters, set in the scenario under ``target.parameters``.
 """
 
-import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from math import atan2, cos, hypot, pi, sin
-from typing import Annotated, Any, NamedTuple, TypeAlias, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic import Field
 
 from encircle.protocol.messages import Point
-from encircle.protocol.parameters import Problems
 from encircle.protocol.plugins import (
     TARGET,
     TARGETS,
     InvalidPluginResult,
     PluginFailed,
     Registry,
-    error_line,
     pair_of_m,
     shown,
 )
 from encircle.world.scenario.fields import Deviation, Position
-from encircle.world.scenario.validation import problems_in
 
 EQUAL_RAD = 1e-9
 """Gaps are as wide if they are so in whole multiples of this."""
@@ -153,40 +149,6 @@ def act(
         return answer[0], pair_of_m("step", answer[1])
     except (Exception, SystemExit) as error:
         raise PluginFailed(TARGETS, name, TARGET, view.tick, error) from error
-
-
-def check_parameters(behaviour: Behaviour, parameters: Mapping[str, Any]) -> None:
-    """``Problems`` listing parameters that the behaviour lacks, needs or cannot take.
-
-    Values are checked against the annotations of the behaviour's keyword-only arguments. Another
-    ``ValueError`` if those cannot be understood.
-    """
-    try:
-        # Functions are hashable; other people's callables may not be.
-        is_function = inspect.isfunction(behaviour)
-        model = _parameters_of_function(behaviour) if is_function else parameters_of(behaviour)
-    except Exception as error:
-        # They are other people's code.
-        raise ValueError(f"its parameters cannot be understood: {error_line(error)}") from None
-    tree = dict(parameters)
-    try:
-        model.model_validate(tree)
-    except ValidationError as error:
-        raise Problems(list(problems_in(error, model, tree).values())) from None
-
-
-def parameters_of(behaviour: Behaviour) -> type[BaseModel]:
-    """A behaviour's parameters as a model: a field for each keyword-only argument."""
-    hints = get_type_hints(behaviour, include_extras=True)
-    wanted: dict[str, Any] = {
-        name: (hints.get(name, Any), ... if p.default is p.empty else p.default)
-        for name, p in inspect.signature(behaviour).parameters.items()
-        if p.kind is p.KEYWORD_ONLY
-    }
-    return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **wanted)
-
-
-_parameters_of_function = lru_cache(maxsize=64)(parameters_of)
 
 
 def _step(heading_rad: float, length_m: float) -> Point:

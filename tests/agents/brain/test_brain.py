@@ -20,9 +20,10 @@ from hypothesis import strategies as st
 
 from encircle.agents.brain.brain import initial, step
 from encircle.agents.policies.interface import Decision
-from encircle.agents.policies.registry import SHIPPED, policy_named
+from encircle.agents.policies.registry import policy_named
 from encircle.protocol.messages import QUANTUM_M, Observation
 from encircle.protocol.parameters import Parameters
+from encircle.protocol.plugins import SHIPPED_POLICIES
 
 CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
 P = Parameters()
@@ -62,7 +63,7 @@ def state_at(part, tick):
 
 
 @CHEAP
-@given(situations(), st.sampled_from(sorted(SHIPPED)))
+@given(situations(), st.sampled_from(sorted(SHIPPED_POLICIES)))
 def test_the_same_inputs_give_the_same_outputs_and_stay_as_they_are(situation, name):
     sensed, packets = situation
     part = config(policy_named(name))
@@ -98,7 +99,7 @@ def test_of_two_packets_of_one_robot_and_tick_the_lower_sequence_counts_in_any_o
 
 
 @CHEAP
-@given(situations(), st.sampled_from(sorted(SHIPPED)))
+@given(situations(), st.sampled_from(sorted(SHIPPED_POLICIES)))
 def test_no_step_is_longer_than_the_robot_can_make(situation, name):
     sensed, packets = situation
     part = config(policy_named(name))

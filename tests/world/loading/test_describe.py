@@ -8,6 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from encircle.protocol.parameters import BODIES, Parameters, declared
+from encircle.protocol.plugins import SHIPPED_POLICIES
 from encircle.world.loading.declarations import field_docstrings, keys_of_model, tables_of
 from encircle.world.loading.describe import PAGE, current, main, sections
 from encircle.world.loading.load import load
@@ -33,7 +34,8 @@ def test_the_page_is_current():
 def test_every_table_behaviour_and_parameter_is_described():
     names = {model.__name__ for model in tables_of(Scenario)}
     assert {"Scenario", "Obstacle", "Crash", "BurstLoss", "TraceDelay", "LinkOverride"} <= names
-    assert set(sections()) == names | {"robot"} | {f"behaviour {name}" for name in BUILT_IN}
+    names |= {"robot"} | {f"behaviour {name}" for name in BUILT_IN}
+    assert set(sections()) == names | {f"policy {name}" for name in SHIPPED_POLICIES}
     for name in set(declared()) - set(BODIES):
         assert f"| `{name}` | " in sections()["robot"]
 

@@ -18,8 +18,8 @@ from encircle.world.loading.load import load
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.fields import shown
 from encircle.world.scenario.model import Scenario
+from encircle.world.scenario.plugin_parameters import check_parameters
 from encircle.world.scenario.validation import OTHERWISE, keys_of, problems_in
-from encircle.world.targets.behaviours import check_parameters
 
 WRONG = [
     *(None, True, False, 0, 1, -1, 7, 2**70, 10**400, 0.0, 1.5, -2.5, 1e300),

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from encircle.protocol.plugins import TARGETS
 from encircle.world.arena.engine import advance, initial
+from encircle.world.scenario.plugin_parameters import check_parameters
 from encircle.world.targets.behaviours import (
     BUILT_IN,
     TargetView,
     behaviour_named,
-    check_parameters,
     flee,
     gap,
     patrol,
