@@ -45,7 +45,7 @@ from encircle.protocol.wire.payload import NOTHING_SAID
 
 QUANTA_PER_M = float(2**20)
 QUANTUM_M = 1.0 / QUANTA_PER_M
-CAUSE_CODE_MAX = 10
+CAUSE_CODE_MAX = 12
 """Codes of causes of loss go from 1 to this."""
 
 

@@ -30,6 +30,10 @@ class Purpose(IntEnum):
     ROBOT_RADIO_LOSS = 11
     LOCALISATION_NOISE = 12
     LOCALISATION_DRIFT = 13
+    FADING = 14
+    FADING_PHASE = 15
+    SHADOWING = 16
+    CONTENTION = 17
 
 
 DRAW_MIN = 2.0**-53
@@ -66,6 +70,12 @@ def link_uniforms(seed: int, purpose: Purpose, tick: int, robots: int) -> NDArra
     ticks = block_ticks(robots)
     drawn: NDArray[np.float64] = _link_block(seed, purpose, tick // ticks, robots)[tick % ticks]
     return drawn
+
+
+def pair_uniforms(seed: int, purpose: Purpose, tick: int, robots: int) -> NDArray[np.float64]:
+    """(N, N) draws, one per pair of robots: that of the link from its first to its second robot."""
+    upper = np.triu(link_uniforms(seed, purpose, tick, robots))
+    return upper + np.triu(upper, 1).T
 
 
 def block_ticks(robots: int) -> int:

@@ -70,6 +70,10 @@ LOSSES = [
     "model='distance', midpoint_m=7, width_m=2",
     "model='distance', midpoint_m=7, width_m=2, cutoff_m=9",
     "model='range', cutoff_m=8",
+    "model='path-loss', range_m=9, exponent=3",
+    "model='path-loss', range_m=9, exponent=3, shadowing_db=6",
+    "model='path-loss', range_m=9, exponent=3, fading='none', shadowing_db=6, shadowing_s=1",
+    "model='path-loss', range_m=9, coherence_s=0.4, shadowing_db=6",
     "model='trace', mode='repeat', values=[0, 0, 1, 0, 1]",
     "model='trace', mode='shifted', values=[0, 0, 1, 0, 1, 1, 0]",
     "model='trace', mode='resample', values=[0, 0, 1]",
@@ -90,6 +94,7 @@ LIMITS = [
     "bytes_per_s=900, queue_packets_max=1",
     "packets_per_s=30, bytes_per_s=1500, queue_packets_max=4",
 ]
+AIR = "packet_s=0.01, range_m=9"
 CUTS = [
     {"kind": "outage", "tick": 10, "ticks": 12, "sender": "r2"},
     {"kind": "outage", "tick": 15, "ticks": 30, "sender": "r1", "receiver": "r3"},
@@ -111,7 +116,9 @@ OVERRIDES = st.lists(
 COMPOSED = settings(deadline=None, derandomize=True, max_examples=40)
 
 
-def tables(loss=LOSSES[0], delay=DELAYS[0], limit=None, copies=0.0, order="free", links=()):
+def tables(
+    loss=LOSSES[0], delay=DELAYS[0], limit=None, copies=0.0, order="free", links=(), air=None
+):
     """The overrides that make up a channel."""
     rows = [
         "{"
@@ -128,6 +135,7 @@ def tables(loss=LOSSES[0], delay=DELAYS[0], limit=None, copies=0.0, order="free"
         f"channel.duplication.rate={copies}",
         f"channel.order={order}",
         *([f"channel.rate_limit={{{limit}}}"] if limit else []),
+        *([f"channel.contention={{{air}}}"] if air else []),
         f"channel.links=[{', '.join(rows)}]",
     ]
 

@@ -227,6 +227,13 @@ def _channel(draws: Draws, ids: list[str]) -> Tree:
     if _sometimes(draws):
         channel["rate_limit"] = _some(draws, RATES, 0.5) or {"packets_per_s": 6.0}
         channel["rate_limit"]["queue_packets_max"] = draws.randint(0, 5)
+    if _sometimes(draws, 0.2):
+        channel["contention"] = {
+            "access": draws.choice(("aloha", "slotted-aloha")),
+            "packet_s": draws.uniform(0.001, 0.02),
+        }
+        if _sometimes(draws, 0.5):
+            channel["contention"]["range_m"] = draws.uniform(4.0, 12.0)
     return channel
 
 
@@ -277,6 +284,13 @@ LOSSES: dict[str, dict[str, DrawnFigure]] = {
         "cutoff_m": _number(3.0, 12.0),
     },
     "range": {"cutoff_m": _number(3.0, 12.0)},
+    "path-loss": {
+        "range_m": _number(3.0, 12.0),
+        "exponent": _number(1.5, 5.0),
+        "coherence_s": _one_of(0.0, 0.3),
+        "shadowing_db": _one_of(0.0, 5.0),
+        "shadowing_s": _one_of(0.5, 5.0),
+    },
 }
 DELAYS: dict[str, dict[str, DrawnFigure]] = {
     "constant": {"mean_s": _one_of(0.0, 0.1, 0.26)},

@@ -7,22 +7,25 @@ A composition of stages, evaluated for all links of a tick at once:
 3. ``encircle.world.channel.loss``: loss by chance, by distance, or as in a trace; and
    ``encircle.world.channel.robot_radios``: single robots whose radio is weak;
 4. ``encircle.world.channel.delay``: how long it takes, order kept or not;
-5. duplication: a packet that is not lost arrives a second time with a probability, the copy with a
+5. ``encircle.world.channel.contention``: packets that are lost to others of the same tick;
+6. duplication: a packet that is not lost arrives a second time with a probability, the copy with a
    delay of its own.
 
 Every draw is a function of seed, purpose, tick and link (``encircle.world.random_streams``), and
 every stage makes its draws whatever the others do. So what loss would take, and how long a packet
 would be on its way, is the same with any other stage on or off, and a packet's fate depends on
-(seed, sender, receiver, sequence) alone; the sequence is the tick. Two stages look at more than
+(seed, sender, receiver, sequence) alone; the sequence is the tick. Three stages look at more than
 that because that is what they are: loss by distance at where the robots are, the rate limit at what
-the sender sent before. What is remembered per link (the state of a Gilbert-Elliott chain) goes on
-at every tick, sent or not; the order of packets is remembered of those that were sent and arrive.
+the sender sent before, contention at who else sends. What is remembered per link (the state of a
+Gilbert-Elliott chain, a fading gain) goes on at every tick, sent or not; the order of packets is
+remembered of those that were sent and arrive.
 
 **Precedence.** Of several causes that apply to one packet the first of these is named:
 sender-silent, receiver-silent, partition, outage, queue-full, out-of-range, the link's loss by
-chance or trace (a link has one), and loss by a weak radio. That is from the certain to the random:
-what is scheduled, what the senders make of it, where the robots are, chance. A packet that is cut
-off or lost has taken its time at the transmitter all the same; one of a silent sender has not.
+chance or trace (a link has one), loss by a weak radio, and then contention. That is from the
+certain to the random: what is scheduled, what the senders make of it, where the robots are, chance;
+what contention takes would have arrived without it. A packet that is cut off or lost has taken its
+time at the transmitter all the same; one of a silent sender has not.
 
 **Order.** With order kept a packet is held back until those sent before it on its link have
 arrived. A copy is held back until its packet has arrived, and holds back nothing: later packets do
@@ -36,7 +39,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.world.channel import delay, loss, outages, rate_limit, robot_radios
+from encircle.world.channel import contention, delay, loss, outages, rate_limit, robot_radios
 from encircle.world.channel.loss_causes import CAUSES, Cause
 from encircle.world.random_streams import Purpose, link_uniforms
 from encircle.world.scenario.channel_model import delay_parts, loss_parts
@@ -57,6 +60,7 @@ class Channel(NamedTuple):
     outages: outages.Outages | None
     losses: loss.Losses | None
     radios: robot_radios.RobotRadios | None
+    air: contention.SharedAir | None
     delays: delay.Delays
     in_order: bool
     copies: "Copies | None"
@@ -105,11 +109,11 @@ class Fates(NamedTuple):
 class ChannelState(NamedTuple):
     """What the radio remembers.
 
-    Whether links are ``bad``, each link's newest due tick, the transmitters' queues, and the
-    packets in flight by due tick.
+    What losses do, each link's newest due tick, the transmitters' queues, and the packets in flight
+    by due tick.
     """
 
-    bad: NDArray[np.bool_] | None
+    losses: loss.LossState
     last_due: Ints | None
     queues: Floats | None
     flights: Mapping[int, tuple[Flight, ...]]
@@ -124,8 +128,9 @@ def build(scenario: Scenario, seed: int) -> Channel:
         len(ids),
         rate_limit.build(limit, tick_s) if limit is not None else None,
         outages.build(scenario.events, ids),
-        loss.build(loss_parts(model, ids), ids, seed),
+        loss.build(loss_parts(model, ids), ids, tick_s, seed),
         robot_radios.build(scenario, seed),
+        contention.build(model.contention, tick_s, seed) if model.contention is not None else None,
         delay.build(delays, ids, tick_s, seed),
         model.order == "kept",
         Copies(model.duplication.rate, delay.build(delays, ids, tick_s, seed, Purpose.COPY_DELAY))
@@ -139,7 +144,7 @@ def initial(channel: Channel) -> ChannelState:
     """The radio before the first tick."""
     count = channel.robots
     return ChannelState(
-        loss.first_states(channel.losses),
+        loss.first_state(channel.losses),
         np.zeros((count, count), np.int64) if channel.in_order else None,
         rate_limit.idle(channel.transmitter, count) if channel.transmitter is not None else None,
         {},
@@ -149,20 +154,23 @@ def initial(channel: Channel) -> ChannelState:
 def transmit(channel: Channel, state: ChannelState, sending: Sending) -> tuple[ChannelState, Fates]:
     """Put the robots' packets of a tick on the radio; to be called once for every tick."""
     tick, sizes = sending.tick, sending.sizes_bytes
-    bad, last, queues, left = state.bad, state.last_due, state.queues, None
-    # From here on a weightier cause overwrites a lighter one.
+    losses, last, queues, left = state.losses, state.last_due, state.queues, None
     if channel.losses is not None:
-        bad, cause = loss.lost(channel.losses, bad, tick, sending.distances_m)
+        losses, cause = loss.lost(channel.losses, losses, tick, sending.distances_m)
     else:
         cause = np.zeros((channel.robots, channel.robots), np.int64)
     if channel.radios is not None:
         cause = robot_radios.with_losses(channel.radios, cause, tick, sending.distances_m)
+    dropped = np.zeros(channel.robots, bool)
     if channel.transmitter is not None and queues is not None:
-        on_air = np.ones(channel.robots, bool) if sizes is None else sizes > 0
-        if sending.silent is not None:
-            on_air &= ~sending.silent
+        on_air = _on_air(channel, sending)
         queues, left, dropped = rate_limit.send(channel.transmitter, queues, on_air, sizes)
-        cause[dropped] = Cause.QUEUE_FULL
+    if channel.air is not None:
+        on_air = _on_air(channel, sending) & ~dropped
+        hit = contention.lost(channel.air, tick, on_air, sending.distances_m)
+        cause[hit & (cause == 0)] = Cause.CONTENTION
+    # From here on a weightier cause overwrites a lighter one.
+    cause[dropped] = Cause.QUEUE_FULL
     if channel.outages is not None and (cut := outages.at(channel.outages, tick)) is not None:
         np.copyto(cause, cut[1], where=cut[0])
     if sending.silent is not None:
@@ -181,7 +189,7 @@ def transmit(channel: Channel, state: ChannelState, sending: Sending) -> tuple[C
     if channel.copies is not None:
         copies = _copied(channel, channel.copies, tick, fates, left)
         flights = _launched(flights, copies, tick)
-    return ChannelState(bad, last, queues, flights), Fates(fates, copies)
+    return ChannelState(losses, last, queues, flights), Fates(fates, copies)
 
 
 def deliver(state: ChannelState, tick: int) -> tuple[ChannelState, tuple[Flight, ...]]:
@@ -196,6 +204,13 @@ def deliver(state: ChannelState, tick: int) -> tuple[ChannelState, tuple[Flight,
 def in_flight(state: ChannelState) -> int:
     """How many packets are in flight."""
     return sum(int(f.links.sum()) for flights in state.flights.values() for f in flights)
+
+
+def _on_air(channel: Channel, sending: Sending) -> NDArray[np.bool_]:
+    """(N,) which robots have a packet to send and a radio that is on."""
+    sizes = sending.sizes_bytes
+    on_air = np.ones(channel.robots, bool) if sizes is None else sizes > 0
+    return on_air if sending.silent is None else on_air & ~sending.silent
 
 
 def _taken(delays: delay.Delays, tick: int, left_ticks: Floats | None) -> Ints:

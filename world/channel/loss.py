@@ -1,5 +1,7 @@
 """Loss: which packets of a tick the links lose by chance, by range or by a trace.
 
+*Path loss*, with shadowing and fading, is in ``encircle.world.channel.path_loss``.
+
 *Bernoulli*: each packet with probability ``rate``. *Distance*: with the logistic probability 1 / (1
 + exp(-(d - midpoint) / width)) of the distance d between the robots' centres as the packet is sent.
 *Range*, and *distance* with a cut-off: everything farther than ``cutoff_m`` is lost. *Trace*: as
@@ -14,8 +16,8 @@ its good state and everything in its bad one, given by its rate p and the mean l
 it leaves the bad state with 1 / b and the good one with p / (b (1 - p)). Independent losses of rate
 p have b = 1 / (1 - p).
 
-Bernoulli, distance and resampled traces compare one and the same draw with their probability: two
-arms that differ in these models meet losses as alike as they can be.
+Bernoulli, distance, resampled traces and fades without memory compare one and the same draw with
+their probability: two arms that differ in these models meet losses as alike as they can be.
 """
 
 from collections.abc import Sequence
@@ -26,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from encircle.world.channel import path_loss
 from encircle.world.channel.loss_causes import Cause
 from encircle.world.channel.trace_playback import Rows, laid_out, rows_per_link
 from encircle.world.random_streams import Purpose, link_uniforms
@@ -40,8 +43,6 @@ from encircle.world.scenario.loss_models import (
 )
 
 Floats = NDArray[np.float64]
-FIRST_STATE_TICK = 2**63
-"""Tick 0 draws the first packet's own transition; the state before it is drawn at this one."""
 
 CODES = {
     "none": Cause.LOSS,
@@ -50,6 +51,7 @@ CODES = {
     "burst": Cause.BURST_LOSS,
     "distance": Cause.DISTANCE_LOSS,
     "range": Cause.OUT_OF_RANGE,
+    "path-loss": Cause.WEAK_SIGNAL,
     "trace": Cause.TRACE_LOSS,
 }
 
@@ -90,9 +92,17 @@ class Losses:
     cutoff_m: Floats | None
     burst: Burst | None
     rows: Rows | None
+    signals: path_loss.WeakSignals | None
 
 
-def build(parts: Parts[Loss], ids: Sequence[str], seed: int) -> Losses | None:
+class LossState(NamedTuple):
+    """What losses remember: which links' chains are bad, and the signals; None without."""
+
+    bad: NDArray[np.bool_] | None = None
+    signals: path_loss.SignalState | None = None
+
+
+def build(parts: Parts[Loss], ids: Sequence[str], tick_s: float, seed: int) -> Losses | None:
     """The losses of a channel, None if it loses nothing."""
     count = len(ids)
     codes, rate = np.zeros((count, count), np.int64), np.zeros((count, count))
@@ -122,34 +132,44 @@ def build(parts: Parts[Loss], ids: Sequence[str], seed: int) -> Losses | None:
         cutoff_m if np.isfinite(cutoff_m).any() else None,
         _burst(parts, count),
         laid_out(replayed, count, seed),
+        path_loss.build(parts, count, tick_s, seed),
     )
-    stages = (losses.rate, losses.falloff, losses.cutoff_m, losses.burst, losses.rows)
-    return None if all(stage is None for stage in stages) else losses
+    stages = (*(losses.rate, losses.falloff, losses.cutoff_m), losses.burst, losses.rows)
+    return None if all(s is None for s in (*stages, losses.signals)) else losses
 
 
-def first_states(losses: Losses | None) -> NDArray[np.bool_] | None:
-    """(N, N) which links' chains are bad before the first packet; None without chains."""
-    if losses is None or losses.burst is None:
-        return None
+def first_state(losses: Losses | None) -> LossState:
+    """What losses remember before the first packet."""
+    if losses is None:
+        return LossState()
+    signals = None if losses.signals is None else path_loss.first_state(losses.signals)
+    if losses.burst is None:
+        return LossState(None, signals)
     chance = losses.burst.good_to_bad + losses.burst.bad_to_good
     stationary = losses.burst.good_to_bad / np.where(chance > 0.0, chance, 1.0)
-    return _draw(losses, Purpose.BURST_STATE, FIRST_STATE_TICK) < stationary
+    draw = _draw(losses, Purpose.BURST_STATE, path_loss.FIRST_STATE_TICK)
+    return LossState(draw < stationary, signals)
 
 
 def lost(
-    losses: Losses, bad: NDArray[np.bool_] | None, tick: int, distances_m: Floats | None
-) -> tuple[NDArray[np.bool_] | None, NDArray[np.int64]]:
-    """The chains' states at a tick, and (N, N) the cause of each packet's loss, 0 if it passes.
+    losses: Losses, state: LossState, tick: int, distances_m: Floats | None
+) -> tuple[LossState, NDArray[np.int64]]:
+    """What is remembered of a tick, and (N, N) the cause of each packet's loss, 0 if it passes.
 
-    ``bad``: the states before; ``distances_m``: (N, N) between the robots, needed where loss
-    depends on them.
+    ``state``: that of the tick before; ``distances_m``: (N, N) between the robots, needed where
+    loss depends on them.
     """
     gone = np.zeros((losses.robots, losses.robots), bool)
+    bad, signals = state
     chance = losses.rate
     if losses.falloff is not None:
         assert distances_m is not None, "loss by distance needs distances"
         far = expit((distances_m - losses.falloff.midpoint_m) / losses.falloff.width_m)
         chance = np.where(losses.falloff.links, far, 0.0 if chance is None else chance)
+    if losses.signals is not None and signals is not None:
+        assert distances_m is not None, "path loss needs distances"
+        signals, weak = path_loss.chances(losses.signals, signals, tick, distances_m)
+        chance = np.where(losses.signals.links, weak, 0.0 if chance is None else chance)
     if chance is not None:
         gone = _draw(losses, Purpose.LOSS, tick) < chance
     if losses.burst is not None and bad is not None:
@@ -164,7 +184,7 @@ def lost(
     if losses.cutoff_m is not None:
         assert distances_m is not None, "loss by range needs distances"
         cause[distances_m > losses.cutoff_m] = Cause.OUT_OF_RANGE
-    return bad, cause
+    return LossState(bad, signals), cause
 
 
 def _burst(parts: Parts[Loss], count: int) -> Burst | None:

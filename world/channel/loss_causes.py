@@ -16,6 +16,8 @@ class Cause(IntEnum):
     OUTAGE = 8
     PARTITION = 9
     QUEUE_FULL = 10
+    WEAK_SIGNAL = 11
+    CONTENTION = 12
 
 
 CAUSES = {int(cause): cause.name.lower().replace("_", "-") for cause in Cause}

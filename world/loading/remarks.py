@@ -6,11 +6,15 @@ shows its remarks first, a line each: the commands on standard error, the Python
 ``ScenarioRemark``.
 """
 
+from math import exp
+
 from encircle.protocol.parameters import Parameters
 from encircle.world.arena.capture import ROBOTS_MIN, robots_within_max
 from encircle.world.scenario.channel_model import Crash, delay_parts
 from encircle.world.scenario.delay_models import ConstantDelay
 from encircle.world.scenario.model import Scenario
+
+PASSING_MIN = 0.5
 
 
 class ScenarioRemark(UserWarning):
@@ -19,7 +23,7 @@ class ScenarioRemark(UserWarning):
 
 def remarks_on(scenario: Scenario) -> list[str]:
     """Plain sentences on a valid scenario, key and value first; empty if there are none."""
-    return [*_who_can_capture(scenario), *_delays(scenario)]
+    return [*_who_can_capture(scenario), *_delays(scenario), *_contention(scenario)]
 
 
 def _who_can_capture(scenario: Scenario) -> list[str]:
@@ -97,6 +101,23 @@ def _delays(scenario: Scenario) -> list[str]:
         elif too_long := _too_long(scenario, asked_s):
             remarks.append(f"{key}: {asked_s:.3g} s on average ({delay.model}) is {too_long}")
     return remarks
+
+
+def _contention(scenario: Scenario) -> list[str]:
+    """Contention that loses most of what a whole team sends in one tick."""
+    contention, others = scenario.channel.contention, len(scenario.ids) - 1
+    if contention is None or others < 1:
+        return []
+    load = others * contention.packet_s / scenario.tick_s
+    vulnerable = 1.0 if contention.access == "slotted-aloha" else 2.0
+    passing = exp(-vulnerable * load)
+    if passing >= PASSING_MIN:
+        return []
+    return [
+        f"channel.contention.packet_s = {contention.packet_s:g}: when all {others + 1} robots send"
+        f" in a tick of {scenario.tick_s:g} s and hear each other, no more than {passing:.1%} of"
+        f" packets pass ({contention.access}, G = {load:.3g})"
+    ]
 
 
 def _too_long(scenario: Scenario, asked_s: float) -> str:

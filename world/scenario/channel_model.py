@@ -2,7 +2,8 @@
 
 What a key means for the packets stands with the stage that obeys it:
 ``encircle.world.channel.loss``, ``encircle.world.channel.delay``,
-``encircle.world.channel.rate_limit``, ``encircle.world.channel.outages``.
+``encircle.world.channel.rate_limit``, ``encircle.world.channel.outages``,
+``encircle.world.channel.contention``.
 """
 
 from collections.abc import Sequence
@@ -14,11 +15,12 @@ from pydantic import Field
 
 from encircle.protocol.parameters import Unit
 from encircle.world.scenario.delay_models import AnyDelay, ConstantDelay, Delay
-from encircle.world.scenario.fields import Model, Probability, Tick, Ticks
+from encircle.world.scenario.fields import Length, Model, Probability, Tick, Ticks
 from encircle.world.scenario.loss_models import AnyLoss, Loss, NoLoss
 
 WAITING_MAX = 1000
 PacketRate = Annotated[float, Field(ge=1e-3, le=1e9, allow_inf_nan=False), Unit("packets/s")]
+AirTime = Annotated[float, Field(gt=0.0, le=60.0, allow_inf_nan=False), Unit("s")]
 ByteRate = Annotated[float, Field(ge=1e-3, le=1e9, allow_inf_nan=False), Unit("B/s")]
 
 
@@ -56,8 +58,30 @@ class RateLimit(Model):
     """Packets that can wait at a sender; what cannot wait either is dropped."""
 
 
+class Contention(Model):
+    """Packets of one tick are lost to each other, the more of them the more are sent.
+
+    Of the packets that other robots than the sender send in a tick, those count that come from
+    within ``range_m`` of the receiver, and the receiver's own, since a radio that sends hears
+    nothing. G is their number times ``packet_s``, in ticks.
+    """
+
+    access: Literal["slotted-aloha", "aloha"] = "aloha"
+    """Packets begin at slots of their length and pass with probability exp(-G), or at any time and
+    pass with exp(-2 G)."""
+    packet_s: AirTime
+    """How long a packet is on the air."""
+    range_m: Length | None = None
+    """How far a robot's packets disturb others; everywhere if left out."""
+
+
 class ChannelModel(Model):
-    """The radio between the robots."""
+    """The radio between the robots.
+
+    In a file ``profile`` can stand beside these keys: the name of a real link, whose loss, delay,
+    rate limit and contention are put in its place as the scenario is loaded. What the file itself
+    says counts before it.
+    """
 
     loss: AnyLoss = NoLoss()
     """Loss of packets, by one of several models; a table without ``model`` is ``none``."""
@@ -67,6 +91,8 @@ class ChannelModel(Model):
     """Packets that arrive twice."""
     rate_limit: RateLimit | None = None
     """How much a sender can put on the air; no limit if left out."""
+    contention: Contention | None = None
+    """Packets that are lost to others on the air at the same time; none if left out."""
     order: Literal["kept", "free"] = "free"
     """Whether packets of a link may overtake each other (``free``) or not (``kept``)."""
     links: tuple[LinkOverride, ...] = ()

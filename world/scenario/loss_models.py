@@ -8,12 +8,23 @@ from typing import Annotated, Literal, get_args
 from pydantic import BeforeValidator, Field
 
 from encircle.protocol.parameters import Unit
-from encircle.world.scenario.fields import Length, Model, Probability, Replay
+from encircle.world.scenario.fields import (
+    LENGTH_M_MAX,
+    Length,
+    Model,
+    PositiveSeconds,
+    Probability,
+    Replay,
+    Seconds,
+)
 from encircle.world.scenario.named_models import completed, models_by_name
 
 BURST_PACKETS_MAX = 1e6
 Lost = Annotated[int, Field(ge=0, le=1)]
 Width = Annotated[float, Field(ge=1e-3, le=1e5), Unit("m")]
+Reach = Annotated[float, Field(ge=1e-3, le=LENGTH_M_MAX), Unit("m")]
+Exponent = Annotated[float, Field(ge=0.5, le=8.0)]
+Decibels = Annotated[float, Field(ge=0.0, le=40.0), Unit("dB")]
 BurstLength = Annotated[float, Field(ge=1.0, le=BURST_PACKETS_MAX), Unit("packets")]
 
 
@@ -90,6 +101,31 @@ class RangeLoss(Loss):
     """Distance beyond which every packet is lost."""
 
 
+class PathLoss(Loss):
+    """A packet is lost if its signal is too weak: by distance, by shadowing and by fading.
+
+    The mean ratio of signal to noise falls as d^-exponent and is just enough at ``range_m``. With
+    Rayleigh fading, and without shadowing, a packet passes with probability
+    exp(-(d / range_m)^exponent).
+    """
+
+    model: Literal["path-loss"]
+    """The name of the model."""
+    range_m: Reach
+    """Distance at which the mean signal is just strong enough."""
+    exponent: Exponent = 2.0
+    """Path loss exponent: 2 in free space, up to 4 near the ground and behind walls, or more."""
+    fading: Literal["rayleigh", "none"] = "rayleigh"
+    """Whether the signal's power fades about its mean (``rayleigh``) or stays there (``none``)."""
+    coherence_s: Seconds = 0.0
+    """Time in which the correlation of a pair's gain falls to 1/e; 0: a fade for each packet. It
+    means nothing without fading."""
+    shadowing_db: Decibels = 0.0
+    """Standard deviation of the log-normal shadowing, a draw per pair of robots."""
+    shadowing_s: PositiveSeconds | None = None
+    """Time in which the shadowing's correlation falls to 1/e; fixed for the run if left out."""
+
+
 class LossRows(Model):
     """The rows of a loss trace that are for one directed link."""
 
@@ -119,7 +155,14 @@ class TraceLoss(Loss):
 
 
 _Models = (
-    NoLoss | BernoulliLoss | GilbertElliottLoss | BurstLoss | DistanceLoss | RangeLoss | TraceLoss
+    NoLoss
+    | BernoulliLoss
+    | GilbertElliottLoss
+    | BurstLoss
+    | DistanceLoss
+    | RangeLoss
+    | PathLoss
+    | TraceLoss
 )
 LOSS_MODELS = models_by_name(*get_args(_Models))
 AnyLoss = Annotated[

@@ -113,6 +113,7 @@ def test_of_several_causes_the_first_in_the_documented_order_is_named():
     below = [
         ("distance-loss", "model='distance', midpoint_m=0.001, width_m=0.001"),
         ("trace-loss", "model='trace', values=[1]"),
+        ("weak-signal", "model='path-loss', range_m=0.001, exponent=8"),
         ("burst-loss", "model='gilbert-elliott', good_to_bad=1.0, bad_to_good=0.0"),
         ("loss", "model='bernoulli', rate=1.0"),
     ]
@@ -157,4 +158,6 @@ def test_codes_of_causes_are_never_renumbered():
         8: "outage",
         9: "partition",
         10: "queue-full",
+        11: "weak-signal",
+        12: "contention",
     }

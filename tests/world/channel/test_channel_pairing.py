@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers_channel import (
+    AIR,
     ALPHA,
     APART,
     COMPOSED,
@@ -27,6 +28,8 @@ from scipy import stats
 from encircle.world.channel import channel as radio
 from encircle.world.channel.loss_causes import CAUSES, Cause
 
+MEMORY = ("gilbert", "burst", "coherence", "shadowing_s")
+
 
 def test_losses_and_copies_are_drawn_independently():
     lossy = flown(loss=LOSSES[1], copies=0.5, silent=False, ticks=2000)
@@ -46,12 +49,14 @@ def test_losses_and_copies_are_drawn_independently():
     limit=st.none() | LIMIT,
     copies=st.sampled_from([0.0, 0.4]),
     order=st.sampled_from(["kept", "free"]),
+    air=st.none() | st.just(AIR),
 )
 def test_what_loss_takes_is_the_same_whatever_the_other_stages_do(
-    loss, delay, limit, copies, order
+    loss, delay, limit, copies, order, air
 ):
     alone = flown(loss=loss, silent=False)
-    found = flown(loss=loss, delay=delay, limit=limit, copies=copies, order=order, events=CUTS)
+    stages = {"delay": delay, "limit": limit, "copies": copies, "order": order, "air": air}
+    found = flown(loss=loss, **stages, events=CUTS)
     # A weightier cause may be named instead, but what loss would not take it does not.
     named = found.lost(
         *set(CAUSES)
@@ -61,6 +66,7 @@ def test_what_loss_takes_is_the_same_whatever_the_other_stages_do(
             Cause.PARTITION,
             Cause.SENDER_SILENT,
             Cause.RECEIVER_SILENT,
+            Cause.CONTENTION,
         }
     )
     assert (found.due[named] == alone.due[named]).all()
@@ -107,7 +113,7 @@ def test_a_link_meets_the_same_fates_in_a_larger_team(loss, delay, limit, copies
 
 
 @COMPOSED
-@given(loss=LOSS.filter(lambda text: "gilbert" not in text and "burst" not in text), delay=DELAY)
+@given(loss=LOSS.filter(lambda text: not any(word in text for word in MEMORY)), delay=DELAY)
 def test_without_memory_ticks_can_be_evaluated_in_any_order(loss, delay):
     chan = channel(*tables(loss, delay, copies=0.3))
     start = radio.initial(chan)

@@ -215,6 +215,8 @@ def test_the_truth_at_every_tick_and_every_packets_fate_show_in_the_digest(
         (*LIVELY, "channel.duplication.rate=1.0", "channel.order=kept"),
         (*LIVELY, "channel.rate_limit={packets_per_s=7, queue_packets_max=1}"),
         ("channel.loss={model='distance', midpoint_m=5, width_m=1, cutoff_m=7}",),
+        ("channel.loss={model='path-loss', range_m=7, coherence_s=0.3, shadowing_db=4}",),
+        (*LIVELY, "channel.contention={packet_s=0.01, range_m=8}"),
     ],
 )
 def test_packets_sent_are_delivered_or_lost_by_cause_or_in_flight_as_the_record_says(changes):

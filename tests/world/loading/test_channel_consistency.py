@@ -24,6 +24,13 @@ OUT_OF_RANGE = [
     ("channel.loss.width_m", "0.0"),
     ("channel.loss.width_m", "inf"),
     ("channel.loss.cutoff_m", "0.0"),
+    ("channel.loss.range_m", "0.0"),
+    ("channel.loss.exponent", "0.1"),
+    ("channel.loss.fading", "'rician'"),
+    ("channel.loss.coherence_s", "-1.0"),
+    ("channel.loss.shadowing_db", "41.0"),
+    ("channel.loss.shadowing_s", "0.0"),
+    ("channel.contention.packet_s", "0.0"),
     ("channel.loss.mode", "'twice'"),
     ("channel.delay.mode", "'twice'"),
     ("channel.duplication.rate", "1.5"),
@@ -46,7 +53,9 @@ def test_a_value_out_of_range_is_refused_with_its_key_and_value(key, text):
     assert f"\n  {key} = {text}" in said
 
 
-@pytest.mark.parametrize("table", ["channel.duplication.", "channel.rate_limit."])
+@pytest.mark.parametrize(
+    "table", ["channel.duplication.", "channel.rate_limit.", "channel.contention."]
+)
 def test_an_unknown_key_is_refused_with_its_value(table):
     assert f"\n  {table}colour = 987: unknown key" in refusal(f"{table}colour=987")
 
@@ -61,6 +70,16 @@ CONTRADICTIONS = [
     (["channel.loss={model='burst', rate=1.0, burst_packets=1e6}"], ["channel.loss.rate = 1.0"]),
     (["channel.loss={model='distance', width_m=1}"], ["channel.loss.midpoint_m"]),
     (["channel.loss={model='distance', midpoint_m=1}"], ["channel.loss.width_m"]),
+    (
+        ["channel.loss={model='path-loss', exponent=3}"],
+        ["channel.loss.range_m", "must be given", "'path-loss'"],
+    ),
+    (["channel.contention={}"], ["channel.contention.packet_s", "is missing"]),
+    (["channel.contention={packet_s=0.1, range_m=0}"], ["channel.contention.range_m = 0", "above"]),
+    (
+        ["channel.contention={packet_s=0.1, access='csma'}"],
+        ["channel.contention.access = 'csma'", "one of slotted-aloha, aloha"],
+    ),
     (["channel.loss={model='range'}"], ["channel.loss.cutoff_m", "must be given", "'range'"]),
     (
         ["channel.delay.model=normal", "channel.delay.mean_s=1"],
@@ -114,6 +133,12 @@ LOSS_VALUES = {
     "midpoint_m": 5.0,
     "width_m": 1.0,
     "cutoff_m": 9.0,
+    "range_m": 9.0,
+    "exponent": 3.0,
+    "fading": "'none'",
+    "coherence_s": 0.2,
+    "shadowing_db": 4.0,
+    "shadowing_s": 3.0,
     "mode": "'shifted'",
     "values": "[1, 0]",
 }

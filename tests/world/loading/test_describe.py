@@ -22,7 +22,7 @@ EXAMPLES = re.findall(r"```toml\n(.*?)```", TEXT, re.DOTALL)
 UNITS = {
     "m": "_m", "s": "_s", "rad": "_rad", "ticks": "ticks", "tick": "tick", "m/s": "_mps",
     "m/s^2": "_mps2", "packets": "_packets", "packets/s": "packets_per_s", "B/s": "bytes_per_s",
-    "m/sqrt(s)": "_m_per_sqrt_s",
+    "m/sqrt(s)": "_m_per_sqrt_s", "dB": "_db",
 }  # fmt: skip
 NAMED_WITHOUT_UNIT = {"position", "positions", "waypoints", "values"}
 

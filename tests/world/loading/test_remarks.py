@@ -225,3 +225,22 @@ class RunLogCollector:
 
     def ended(self, world):
         pass
+
+
+@pytest.mark.parametrize(
+    ("access", "packet_s", "told"),
+    [
+        ("aloha", 0.01, False),  # G = 0.3: exp(-0.6) = 55 % pass
+        ("aloha", 0.02, True),
+        ("slotted-aloha", 0.02, False),  # exp(-0.6) again
+        ("slotted-aloha", 0.04, True),
+    ],
+)
+def test_contention_that_loses_most_of_a_teams_packets_is_told_of(access, packet_s, told):
+    lines = remarks(f"channel.contention={{access='{access}', packet_s={packet_s}}}")
+    assert len(lines) == told
+    if told:
+        assert lines[0].startswith(f"channel.contention.packet_s = {packet_s:g}: when all 4")
+        # G = 3 x packet / tick.
+        assert "30.1%" in lines[0]
+        assert access in lines[0]

@@ -34,7 +34,16 @@ CRASHES = [
     'events=[{kind="crash", robot="r3", tick=15, ticks=20}, {kind="crash", robot="r1", tick=50}]',
 ]
 LONG = ["ticks_max=120", "target.step_m_max=0.6"]
-FAULTY = {"quiet": LONG, "radio": [*LONG, *BAD_RADIO], "crashes": [*LONG, *BAD_RADIO, *CRASHES]}
+WEAK = [
+    "channel.loss={model='path-loss', range_m=9, coherence_s=0.5, shadowing_db=6, shadowing_s=4}",
+    "channel.contention.packet_s=0.004",
+]
+FAULTY = {
+    "quiet": LONG,
+    "radio": [*LONG, *BAD_RADIO],
+    "weak signals": [*LONG, *WEAK],
+    "crashes": [*LONG, *BAD_RADIO, *CRASHES],
+}
 
 
 @pytest.fixture(scope="module", params=FAULTY)

@@ -64,6 +64,7 @@ SCENARIO = {
         },
         "duplication": {},
         "rate_limit": {"packets_per_s": 5.0},
+        "contention": {"packet_s": 0.01},
         "links": [{"sender": "r1", "receiver": "r3", "loss": {}, "delay": {}}],
     },
     "capture": {},
