@@ -287,6 +287,7 @@ LOSSES: dict[str, dict[str, DrawnFigure]] = {
     "path-loss": {
         "range_m": _number(3.0, 12.0),
         "exponent": _number(1.5, 5.0),
+        "fading": _one_of("rayleigh", "none"),
         "coherence_s": _one_of(0.0, 0.3),
         "shadowing_db": _one_of(0.0, 5.0),
         "shadowing_s": _one_of(0.5, 5.0),
