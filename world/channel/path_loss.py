@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from encircle.world.random_streams import Purpose, pair_uniforms
+from encircle.world.random_streams import DRAW_MIN, Purpose, pair_uniforms
 from encircle.world.scenario.channel_model import Parts
 from encircle.world.scenario.loss_models import Loss, PathLoss
 
@@ -45,8 +45,6 @@ Complexes = NDArray[np.complex128]
 Numbers = TypeVar("Numbers", Floats, Complexes)
 FIRST_STATE_TICK = 2**63
 """Tick 0 draws the first packet's own step; the state before it is drawn at this one."""
-LEAST_DRAW = 2.0**-53
-"""A normal draw of 0 from [0, 1) would be infinite."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -148,4 +146,4 @@ def _gains(signals: WeakSignals, tick: int) -> Complexes:
 def _normals(signals: WeakSignals, tick: int) -> Floats:
     """(N, N) standard normal draws, the same both ways."""
     draws = pair_uniforms(signals.seed, Purpose.SHADOWING, tick, signals.robots)
-    return np.asarray(ndtri(np.maximum(draws, LEAST_DRAW)), np.float64)
+    return np.asarray(ndtri(np.maximum(draws, DRAW_MIN)), np.float64)
