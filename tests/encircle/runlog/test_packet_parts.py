@@ -9,7 +9,7 @@ import pytest
 from encircle.measures.registry import measure
 from encircle.protocol.codec import encode
 from encircle.protocol.messages import Pose
-from encircle.runlog.packet_parts import NO_PARTS, PARTS, PAYLOAD, RELAYED, parts_bytes
+from encircle.runlog.packet_parts import ESTIMATE, NO_PARTS, PAYLOAD, RELAYED, parts_bytes
 from encircle.runlog.recorded_log import log_of_messages
 from encircle.runlog.runlog import RunLogCollector
 from encircle.runner.memory import run_in_memory
@@ -54,7 +54,7 @@ def test_a_part_takes_what_the_packet_is_longer_for_it():
     assert parts[PAYLOAD] == size(both) - size(replace(both, say={}))
     # The name of the field and an empty list are there without relayed detections too.
     assert parts[RELAYED] == size(both) - size(replace(both, relayed=())) + len(b"\xa7relayed\x90")
-    assert parts[PARTS.index("estimate")] == 0
+    assert parts[ESTIMATE] == 0
 
 
 def test_a_packet_without_such_parts_is_all_pose():
@@ -74,7 +74,7 @@ def test_each_part_is_told_apart_however_its_sender_packs_it():
     assert parts_bytes(b"\xde\x00\x02" + say + b"\xa1v\x04") == (len(say), 0, 0)
 
 
-@pytest.mark.parametrize("changes", [[], ["robot.detections=relay"]])
+@pytest.mark.parametrize("changes", [[], ["robot.detections=relay"], ["robot.detections=fuse"]])
 def test_bytes_of_a_hunt_by_kind_add_up(tmp_path, changes):
     (tmp_path / "talk.py").write_text(TALK, encoding="utf-8")
     changes = ["ticks_max=20", *changes]
@@ -90,5 +90,7 @@ def test_bytes_of_a_hunt_by_kind_add_up(tmp_path, changes):
     assert found["sent_bytes_payload"] == 4 * np.ceil((log.ticks - 1) / 2) * said_bytes
     assert found["sent_bytes"] - found["sent_bytes_payload"] == without["sent_bytes"]
     assert without["sent_bytes_payload"] == 0.0
-    assert (found["sent_bytes_relayed"] > 0.0) == (len(changes) > 1)
-    assert found["sent_bytes_relayed"] == without["sent_bytes_relayed"]
+    for kind, detections in (("relayed", "relay"), ("estimate", "fuse")):
+        part_bytes = found[f"sent_bytes_{kind}"]
+        assert (part_bytes > 0.0) == (f"robot.detections={detections}" in changes)
+        assert part_bytes == without[f"sent_bytes_{kind}"]
