@@ -35,6 +35,9 @@ SHIPPED_POLICIES = {
     "xi-1": f"{_POLICIES}.paper:xi_1",
     "xi-3": f"{_POLICIES}.paper:xi_3",
     "pursuit": f"{_POLICIES}.paper:pursue",
+    "auction": f"{_POLICIES}.auction:auction",
+    "hungarian-consensus": f"{_POLICIES}.hungarian_consensus:hungarian_consensus",
+    "intents": f"{_POLICIES}.intents:intents",
 }
 """Policies that every robot has, by name; a world knows them without looking for plug-ins."""
 OWN = "encircle"

@@ -1,0 +1,138 @@
+"""Auction: robots bid for the encirclement points, and spread bids until all agree.
+
+Theory. CBAA, the consensus-based auction algorithm (Choi, Brunet, How, "Consensus-Based
+Decentralized Auctions for Robust Task Allocation", IEEE Transactions on Robotics 25(4), 2009, Sec.
+III). Robot i could take point j at the cost c_ij, here its distance to it; what the paper calls a
+score is -c_ij.
+
+1. Auction. A robot without a point bids for the cheapest of those it would win,
+       j* = argmin over j with (c_ij, i) < (y_j, z_j) of c_ij,
+where y_j is the best bid known for point j and z_j its bidder; ties go to the first in robot
+order. There is always one: n robots are present, and n - 1 others bid for one point each.
+2. Consensus. What a robot knows of bids it sends, and takes over what is better from its peers. A
+   robot that is outbid at its point is without one, and bids again.
+
+Guarantees, for costs that stand still and messages over a connected network of diameter D without
+loss: the assignment is the one of the sequential greedy algorithm (take the smallest of all c_ij,
+strike out its row and column, repeat); no two robots hold one point after (n - 1) D rounds, and
+all know all after n D (Theorem 1 there, with N_min = n: as many points as robots). Let robot r be
+the r-th that the greedy algorithm serves, with point j_r. No earlier one ever bids for j_r, so r
+can always have it, and bids for j_1, ..., j_r alone, whatever it has heard so far: r - 1 has its
+point for good (r - 2) D rounds on at the latest, and r knows that D rounds later. Nothing in this
+asks that messages come in order, once, or soon; when losses stop, n D more rounds suffice. With
+scores L - c_ij >= 0 the sum of scores is at least half of the best one.
+
+Asynchronous rules. Robots and target move, so bids have to change, also to worse. CBAA keeps one
+(bid, winner) per point, of which the better counts; ACBBA (Johnson, Ponda, Choi, How, AIAA GNC
+2010) adds times and a table of rules. Here each robot's newest bid is kept instead, with the tick
+at which it was made, and y_j, z_j follow from these. The rules come to the same and to less: of
+two bids by one robot the newer counts, be it the worse one; of two robots the better bid; a bid
+elsewhere takes the old one back, so there is nothing to reset; and nobody else changes a robot's
+own bid.
+
+Bids age: a robot bids anew when its bid is ``rebid_ticks`` old, at its present distances, on the
+best point that it would win. Between these it changes only when outbid. When the number of robots
+present changes, bids for a ring of another size count no more, and the auction begins again. A
+robot that is lost leaves the ring at once for those that planned with it, and
+``bid_age_ticks_max`` after its last bid for those that knew of it through others (which must be
+more than ``rebid_ticks`` and the ways round); one that is back bids as if new, and its newer bid
+replaces the old one.
+
+Only who takes which point is negotiated. The ring stands still in the world's directions
+(``negotiation.fixed_ring``), xi* is Eq. 2-3's over the points that are bid for, and the robots
+shrink a closed ring as the paper has it.
+
+Payload: ``bids``, for each robot [index, tick, number of points, point, distance in mm].
+"""
+
+from collections.abc import Mapping
+from math import hypot
+from typing import Annotated, NamedTuple
+
+from encircle.agents.policies.interface import Decision, View
+from encircle.agents.policies.negotiation import (
+    MM_MAX,
+    Entries,
+    fixed_ring,
+    head_for,
+    millimetres,
+    newest_entries,
+    own_index,
+    present,
+    say_entries,
+)
+from encircle.agents.policies.paper import known_target, shrink
+from encircle.protocol.parameters import Range, Unit
+
+
+class Bid(NamedTuple):
+    """A robot's bid at a tick: for a point of a ring of so many, its distance to it in mm."""
+
+    tick: int
+    points: int
+    point: int
+    cost_mm: int
+
+
+def auction(
+    memory: Entries | None,
+    view: View,
+    *,
+    rebid_ticks: Annotated[int, Range(1, 1000), Unit("ticks")] = 5,
+    bid_age_ticks_max: Annotated[int, Range(1, 1000), Unit("ticks")] = 20,
+) -> tuple[Entries, Decision]:
+    """Shrink if the ring is closed, else go to the point that this robot's bid wins.
+
+    ``memory``: the newest known bid of each robot, this one included.
+    """
+    own = own_index(view)
+    bids = newest_entries(memory, view, "bids", 3, bid_age_ticks_max)
+    if view.search is not None:
+        bids.pop(own, None)
+        return bids, view.search._replace(say=say_entries(bids, view, "bids"))
+    count = len(present(view, bids))
+    rivals = {
+        robot: Bid(*bid)
+        for robot, bid in bids.items()
+        if robot != own and bid[1] == count and 0 <= bid[2] < count
+    }
+    prices: dict[int, tuple[int, int]] = {}
+    for robot, bid in rivals.items():
+        prices[bid.point] = min(prices.get(bid.point, FREE), (bid.cost_mm, robot))
+    held = Bid(*bids[own]) if own in bids else None
+    if held is None or not _stands(held, own, view.tick, count, prices, rebid_ticks):
+        held = _best_bid(view, own, count, prices)
+        bids[own] = held
+    chosen = {own: held.point} | {robot: bid.point for robot, bid in rivals.items()}
+    ring = fixed_ring(count, view.parameters.ring_radius_m)
+    decision = shrink(view) or head_for(view, ring, chosen)
+    return bids, decision._replace(say=say_entries(bids, view, "bids"))
+
+
+FREE = (MM_MAX + 1, 0)
+"""The price of a point that nobody bids for."""
+
+
+def _stands(
+    held: Bid,
+    own: int,
+    tick: int,
+    count: int,
+    prices: Mapping[int, tuple[int, int]],
+    rebid_ticks: int,
+) -> bool:
+    """Whether this robot's bid is young, for the ring of today, and the best at its point."""
+    if held.points != count or tick - held.tick >= rebid_ticks:
+        return False
+    return (held.cost_mm, own) < prices.get(held.point, FREE)
+
+
+def _best_bid(view: View, own: int, count: int, prices: Mapping[int, tuple[int, int]]) -> Bid:
+    """A bid for the nearest of the points that this robot would win; ties to the first point."""
+    (target_x, target_y), (x, y) = known_target(view), view.position
+    dx, dy = target_x - x, target_y - y
+    ring = fixed_ring(count, view.parameters.ring_radius_m)
+    costs = [millimetres(hypot(dx + ring_x, dy + ring_y)) for ring_x, ring_y in ring.tolist()]
+    winnable = [j for j in range(count) if (costs[j], own) < prices.get(j, FREE)]
+    point = min(winnable, key=costs.__getitem__)
+    return Bid(view.tick, count, point, costs[point])
