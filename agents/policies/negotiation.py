@@ -28,9 +28,11 @@ Entry: TypeAlias = tuple[int, ...]
 Entries: TypeAlias = Mapping[int, Entry]
 """The newest known entry of each robot, by its index into the team, in robot order."""
 
-ENTRIES_MAX = 40
-"""Entries in a packet: with the longest numbers (25 bytes each) they stay below 1,024 bytes."""
+ENTRIES_MAX = 46
+"""Entries in a packet: of two values and with the longest numbers, 22 bytes each, they stay below
+1,024 bytes."""
 MM_MAX = 2**31 - 1
+"""The longest length that is said, in mm; longer ones are said to be this long."""
 
 
 def own_index(view: View) -> int:
