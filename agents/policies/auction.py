@@ -62,7 +62,7 @@ from encircle.agents.policies.negotiation import (
     say_entries,
 )
 from encircle.agents.policies.paper import known_target, shrink
-from encircle.protocol.parameters import Range, Unit
+from encircle.protocol.parameters import Meaning, Range, Unit
 
 
 class Bid(NamedTuple):
@@ -78,12 +78,22 @@ def auction(
     memory: Entries | None,
     view: View,
     *,
-    rebid_ticks: Annotated[int, Range(1, 1000), Unit("ticks")] = 5,
-    bid_age_ticks_max: Annotated[int, Range(1, 1000), Unit("ticks")] = 20,
+    rebid_ticks: Annotated[
+        int,
+        Range(1, 1000),
+        Unit("ticks"),
+        Meaning("A bid of this age is made anew, at the distances of that tick."),
+    ] = 5,
+    bid_age_ticks_max: Annotated[
+        int,
+        Range(1, 1000),
+        Unit("ticks"),
+        Meaning("Older bids count only if their robot is planned with."),
+    ] = 20,
 ) -> tuple[Entries, Decision]:
-    """Shrink if the ring is closed, else go to the point that this robot's bid wins.
+    """Robots bid for the points of a ring and pass bids on: a consensus-based auction (CBAA).
 
-    ``memory``: the newest known bid of each robot, this one included.
+    Who is nearest to a point gets it; bids carry ticks, so that late and lost ones do no harm.
     """
     own = own_index(view)
     bids = newest_entries(memory, view, "bids", 3, bid_age_ticks_max)

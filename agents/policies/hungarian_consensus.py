@@ -52,19 +52,29 @@ from encircle.agents.policies.negotiation import (
     say_entries,
 )
 from encircle.agents.policies.paper import known_target, shrink
-from encircle.protocol.parameters import Range, Unit
+from encircle.protocol.parameters import Meaning, Range, Unit
 
 
 def hungarian_consensus(
     memory: Entries | None,
     view: View,
     *,
-    renew_ticks: Annotated[int, Range(1, 1000), Unit("ticks")] = 5,
-    row_age_ticks_max: Annotated[int, Range(1, 1000), Unit("ticks")] = 20,
+    renew_ticks: Annotated[
+        int,
+        Range(1, 1000),
+        Unit("ticks"),
+        Meaning("Robots say where they are anew at ticks divisible by this."),
+    ] = 5,
+    row_age_ticks_max: Annotated[
+        int,
+        Range(1, 1000),
+        Unit("ticks"),
+        Meaning("What was said longer ago counts only if its robot is planned with."),
+    ] = 20,
 ) -> tuple[Entries, Decision]:
-    """Shrink if the ring is closed, else go to this robot's point in the best assignment.
+    """Robots pass on where each says that it is, and all solve the same assignment (DHBA).
 
-    ``memory``: the newest known row of each robot, this one included.
+    The sum of their ways to the points of a ring is least, once all have heard of all.
     """
     own = own_index(view)
     rows = newest_entries(memory, view, "rows", 2, row_age_ticks_max)

@@ -32,7 +32,7 @@ from typing import Annotated, NamedTuple
 from encircle.agents.policies.interface import Decision, Peer, View
 from encircle.agents.policies.negotiation import fixed_ring, head_for, millimetres, own_index
 from encircle.agents.policies.paper import known_target, shrink
-from encircle.protocol.parameters import Range, Unit
+from encircle.protocol.parameters import Meaning, Range, Unit
 
 
 class Claim(NamedTuple):
@@ -47,11 +47,16 @@ def intents(
     memory: Claim | None,
     view: View,
     *,
-    reclaim_ticks: Annotated[int, Range(1, 1000), Unit("ticks")] = 5,
+    reclaim_ticks: Annotated[
+        int,
+        Range(1, 1000),
+        Unit("ticks"),
+        Meaning("A claim of this age is made anew, at the distances of that tick."),
+    ] = 5,
 ) -> tuple[Claim | None, Decision]:
-    """Shrink if the ring is closed, else go to the point that this robot claims.
+    """Each robot says which point of a ring it goes to, and gives way to earlier robots' claims.
 
-    ``memory``: this robot's claim.
+    A claim goes to those that hear it directly, and is not passed on.
     """
     if view.search is not None:
         return None, view.search

@@ -61,6 +61,11 @@ def view_of(
 ) -> View:
     """What a policy sees of robots at these positions, all of which it plans with."""
     team = tuple(f"r{k + 1}" for k in range(len(positions)))
+    others = {
+        "known": tuple([(7, x, y, 0.0, 0.0) for x, y in positions]),
+        "packets": (None,) * len(positions),
+        **others,
+    }
     estimate = None if target is None else Estimate(*target, 0.0, 0.0, (1e-4, 0.0, 1.0))
     return View(
         others.pop("tick", 7),

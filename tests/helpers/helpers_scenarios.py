@@ -105,7 +105,10 @@ def _team(draws: Draws, count: int, radius_m: float) -> Tree:
     return team
 
 
-STRATEGIES = ("xi-star", "xi-0", "xi-1", "xi-3", "pursuit")
+STRATEGIES = (
+    *("xi-star", "xi-0", "xi-1", "xi-3", "pursuit"),
+    *("auction", "hungarian-consensus", "intents"),
+)
 MOTIONS = ("holonomic", "unicycle")
 TEAM: dict[str, DrawnFigure] = {
     "turn_rad_max": lambda draws: draws.uniform(0.1, 1.5),
