@@ -65,7 +65,7 @@ NUMBERS = (
     [1e308, 1e308],
 )
 COUNTS_BY_NAME = (None, [], "a", {"a": -1}, {"a": 1.5}, {"a": None}, {b"a": 1}, {"a": True})
-NO_FATES = ([[0, 5]], [[0, 5], [5]], [[5, 5], [5, 0]], [[0, 4], [0, 0]], [[0, -11], [0, 0]])
+NO_FATES = ([[0, 5]], [[0, 5], [5]], [[5, 5], [5, 0]], [[0, 4], [0, 0]], [[0, -13], [0, 0]])
 """No tables of what became of packets that two robots sent at tick 4."""
 NOT_PLAIN: tuple[Any, ...] = (
     *(None, [], "a", 1.0, {b"a": 1}, {"a": {b"a": 1}}),

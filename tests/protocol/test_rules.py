@@ -9,7 +9,7 @@ for itself is in ``test_codec_refusals.py``.
 import random
 from collections.abc import Callable
 from dataclasses import replace
-from math import nextafter, pi
+from math import inf, nan, nextafter, pi
 from typing import Any, NamedTuple
 
 import pytest
@@ -244,6 +244,13 @@ BY_CLOCK = [
 ]
 
 
+def nested(depth: int) -> Any:
+    value: Any = {}
+    for _ in range(depth - 1):
+        value = {"x": value}
+    return value
+
+
 SAYING = [
     Rule(
         "the sender's clock as it sent this, Unix time in us; null in lock-step",
@@ -280,6 +287,31 @@ SAYING = [
         "list of at most 16 [text, count, real, real]",
         "malformed",
         lambda d: ("pose", pose("r1", 1, relayed=(("r2", 0, 1.0, 1.0),) * d.randint(17, 30))),
+    ),
+    Rule(
+        "nested 6 deep at most",
+        "malformed",
+        lambda d: ("pose", pose("r1", 1, say=nested(d.randint(7, 40)))),
+    ),
+    Rule(
+        "at most 1,024 bytes",
+        "malformed",
+        lambda d: ("pose", pose("r1", 1, say={"x": b"x" * d.randint(1019, 2000)})),
+    ),
+    Rule(
+        "a real that is not finite",
+        "malformed",
+        lambda d: ("pose", pose("r1", 1, say={"x": [d.choice((nan, inf, -inf))]})),
+    ),
+    Rule(
+        "of magnitude up to 2^53 - 1",
+        "malformed",
+        lambda d: ("pose", pose("r1", 1, say={"x": d.choice((2**53, -(2**53), 2**64 - 1))})),
+    ),
+    Rule(
+        "a name that is no text",
+        "malformed",
+        lambda d: ("pose", pose("r1", 1, say={"x": {d.choice((1, None, b"x")): 1}})),
     ),
     Rule(
         "list of at most 256 texts",

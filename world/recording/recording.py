@@ -2,7 +2,8 @@
 
 A world that was killed leaves a file without its end. What reached the disk as a whole chunk is
 there, and everything before it; the rest is not. Nor is what comes after damage, which the
-checksums of the chunks show.
+checksums of the chunks show. Messages of an earlier version of the wire are read as messages of
+this one (``encircle.protocol.wire.earlier_versions``).
 """
 
 import json
@@ -18,6 +19,7 @@ from mcap.stream_reader import StreamReader
 from encircle.protocol.codec import M, decode
 from encircle.protocol.errors import ProtocolError, UnknownKey
 from encircle.protocol.keys import check_name, parse_key
+from encircle.protocol.wire.earlier_versions import upgraded
 from encircle.world.loading.load import load
 from encircle.world.recording.run_directory import RECORDING, RunDirectoryError
 from encircle.world.scenario.errors import ScenarioError
@@ -93,7 +95,8 @@ def read_recording(path: str | Path) -> Recording:
             try:
                 for record in StreamReader(file, validate_crcs=True).records:
                     if isinstance(record, Message):
-                        messages.append((record.sequence, channels[record.channel_id], record.data))
+                        topic, payload = channels[record.channel_id], upgraded(record.data)
+                        messages.append((record.sequence, topic, payload))
                         logged_us.append(record.log_time // 1000)
                     elif isinstance(record, Channel):
                         channels[record.id] = record.topic

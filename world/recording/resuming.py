@@ -21,6 +21,7 @@ from encircle.protocol.errors import ProtocolError
 from encircle.protocol.keys import parse_key
 from encircle.protocol.messages import Observation, Setup
 from encircle.protocol.process.interrupts import check
+from encircle.protocol.wire.earlier_versions import VERSION_BEFORE, VERSION_SINCE
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.membership import DepartureCause, is_crashed
 from encircle.world.coordinator.outgoing import Outgoing
@@ -31,6 +32,8 @@ from encircle.world.scenario.channel_model import Crash
 
 MUST_BE_EQUAL = ("encircle", "protocol")
 """Versions without which it makes no sense to try; the rest shows in what is decided."""
+READ_AS_EQUAL = {"protocol": {str(VERSION_BEFORE): str(VERSION_SINCE)}}
+"""Earlier versions whose messages are read as those of a later one."""
 LOST_BEFORE = DepartureCause.BEFORE_RESUMING
 
 Recorded = tuple[int, str, bytes]
@@ -182,7 +185,7 @@ def _check_versions(recording: Recording) -> None:
     here = versions()
     for name in MUST_BE_EQUAL:
         there = recording.versions.get(name, "unknown")
-        if there != here[name]:
+        if READ_AS_EQUAL.get(name, {}).get(there, there) != here[name]:
             raise RecordingError(
                 f"{recording.path}: recorded with {name} {there}, this is {name} {here[name]}:"
                 " resume it with that, nothing was changed"

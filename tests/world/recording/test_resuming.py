@@ -171,6 +171,16 @@ def test_a_recording_of_another_version_is_refused_with_both(script, name):
         rebuild(recording_of(messages[:90], scenario, versions=old))
 
 
+@pytest.mark.parametrize("version", ["2", "5", "unknown", ""])
+def test_of_earlier_wires_only_that_whose_messages_are_read_is_gone_on_with(script, version):
+    scenario, messages = script
+    before = versions() | {"protocol": "3"}
+    now = rebuild(recording_of(messages[:90], scenario))
+    assert rebuild(recording_of(messages[:90], scenario, versions=before)).messages == now.messages
+    with pytest.raises(RecordingError, match=f"recorded with protocol {version}, this is"):
+        rebuild(recording_of(messages[:90], scenario, versions=before | {"protocol": version}))
+
+
 def test_a_run_by_the_clock_is_refused(script):
     scenario, messages = script
     by_clock = scenario.model_copy(update={"clock": "wall"})
