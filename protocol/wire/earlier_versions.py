@@ -1,8 +1,8 @@
 """Messages of version 3 of the wire as messages of version 4: for recordings, which are kept.
 
 Version 4 added fields that may be left out (``say`` and ``estimate`` of Pose, ``policy_parameters``
-and ``policy_source`` of Setup). So a message of version 3 is one of version 4 as soon as its ``v`` is
-4, and so are the packets in an observation's inbox. Only the last byte of each ``v`` is changed:
+and ``policy_source`` of Setup). So a message of version 3 is one of version 4 as soon as its ``v``
+is 4, and so are the packets in an observation's inbox. Only the last byte of each ``v`` is changed:
 lengths, order and number formats stay as their sender chose them, and with them the digest.
 
 On a connection nothing of this is done: who speaks another version is refused there.

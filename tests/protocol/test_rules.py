@@ -155,7 +155,7 @@ HEARING = [
         lambda d: rays(d, d.randint(8, 360), beyond=6.0001, far_beyond=1e6),
     ),
     *seen(
-        "other robots in range and in sight: id, x, y, exact, each once, in robot order",
+        "in sight: id, x, y, with the error of `position`, each once, in robot order",
         "malformed",
         lambda d: sightings("r1"),
         lambda d: sightings("r1", "r2"),
