@@ -23,7 +23,8 @@ class ScenarioRemark(UserWarning):
 
 def remarks_on(scenario: Scenario) -> list[str]:
     """Plain sentences on a valid scenario, key and value first; empty if there are none."""
-    return [*_who_can_capture(scenario), *_delays(scenario), *_contention(scenario)]
+    parts = (_who_can_capture, _radios, _delays, _contention)
+    return [line for remarks in parts for line in remarks(scenario)]
 
 
 def _who_can_capture(scenario: Scenario) -> list[str]:
@@ -74,6 +75,17 @@ def _lost_for_good(scenario: Scenario) -> list[str]:
     return [
         f"events: from tick {ticks[spare]} on crashes leave {ROBOTS_MIN - 1} of {count} robots or"
         f" fewer for good: they can never capture, which takes {ROBOTS_MIN}"
+    ]
+
+
+def _radios(scenario: Scenario) -> list[str]:
+    """Radios that reach nobody, since bodies keep them apart."""
+    nearest_m = 2.0 * scenario.team.radius_m
+    return [
+        f"team.robots.{robot}.radio_range_m = {own.radio_range_m:g}: two robots of radius"
+        f" {scenario.team.radius_m:g} m are never so near: {robot} neither sends nor receives"
+        for robot, own in scenario.team.overrides.items()
+        if own.radio_range_m is not None and own.radio_range_m < nearest_m
     ]
 
 

@@ -147,11 +147,14 @@ def _exceptions(scenario: Scenario, key: str, unit: str = "") -> str:
 
 def _policy_parameters(scenario: Scenario) -> str:
     of_team = scenario.team.policy_parameters
+    singles = {robot: scenario.policy_parameters_of(robot) for robot in scenario.ids}
     texts = [_items(of_team)] if of_team else []
-    for robot in scenario.ids:
-        if (own := scenario.policy_parameters_of(robot)) != of_team:
-            texts.append(f"of {robot}: {_items(own) or 'by default'}")
-    return "; ".join(texts[:ITEMS_MAX])
+    texts += [
+        f"of {robot}: {_items(own) or 'by default'}"
+        for robot, own in singles.items()
+        if own != of_team
+    ]
+    return "; ".join(texts)
 
 
 def _robot_radios(scenario: Scenario) -> str:

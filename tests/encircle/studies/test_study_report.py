@@ -353,6 +353,45 @@ def test_the_set_up_tells_of_any_radio_and_event():
     assert expected["Robots' parameters"] == "publish_every_ticks = 2"
 
 
+SLOW_R3 = "team.robots.r3.step_m_max"
+
+
+def test_the_set_up_tells_which_robots_differ_and_in_what():
+    changes = {
+        "team.robots": 4,
+        SLOW_R3: 0.15,
+        "team.robots.r3.radio_range_m": 4.0,
+        "team.robots.r1.strategy": "pursuit",
+        "team.robots.r2": {"sensing_range_m": 2.0, "loss_rate": 0.25},
+        "sensing.localisation_noise_m_std": 0.1,
+        "sensing.localisation_drift_m_per_sqrt_s": 0.05,
+    }
+    scenario = {"ticks_max": 5, "team": {"robots": 4}}
+    rows = dict(setup_rows(study_plan(seeds=1, scenario=scenario, axes=[], set=changes)))
+    assert rows["Robots"].startswith("4; ")
+    assert rows["Strategy"] == "xi-star, but pursuit for r1"
+    assert "at most 0.3 m per tick (3 m/s), but 0.15 m for r3; holon" in rows["Robots' bodies"]
+    assert rows["Robots' sensors"] == (
+        "range 6 m, but 2 m for r2, 24 rays, own position with noise 0.1 m and drift 0.05 m/sqrt(s)"
+    )
+    assert rows["Radio"].endswith("; loss of 0.25 by r2's radio, range 4 m for r3")
+
+
+def test_an_axis_over_one_robot_is_named_where_the_set_up_tells_of_that_robot():
+    axes = [
+        {"name": "slow", "key": SLOW_R3, "values": [0.3, 0.1]},
+        {"name": "near", "key": "team.robots.r3.radio_range_m", "values": [9.0, 3.0]},
+        {"name": "policy", "key": "team.robots.r1.strategy", "values": ["xi-0", "pursuit"]},
+    ]
+    rows = dict(setup_rows(study_plan(seeds=1, axes=axes)))
+    varied = {name: text.partition(" [varied: ")[2] for name, text in rows.items()}
+    assert {name: text for name, text in varied.items() if text} == {
+        "Strategy": "policy]",
+        "Robots' bodies": "slow]",
+        "Radio": "near]",
+    }
+
+
 def test_arms_tell_what_they_set():
     plan = study_plan(axes=[ARMS], seeds=1)
     rows = report.axis_rows(plan, plan)

@@ -236,6 +236,24 @@ def test_teams_of_several_sizes_share_the_robot_processes(tmp_path):
     assert over_zenoh.equals(rows(encircle.study(sizes, tmp_path / "m"), workers=1))
 
 
+def test_a_study_varies_one_robot_of_a_team_that_is_given_as_a_number(tmp_path):
+    study = {
+        "name": "weak",
+        "scenario": {"ticks_max": 8, "team": {"robots": 3}},
+        "seeds": 2,
+        "measures": ["path_m_mean"],
+    }
+    axis = {"name": "r3", "key": "team.robots.r3.step_m_max", "values": [0.3, 0.05]}
+    mixed = rows(encircle.study({**study, "axes": [axis]}, tmp_path / "m"), workers=1)
+    assert rows(encircle.study({**study, "axes": [axis]}, tmp_path / "z"), link="zenoh").equals(
+        mixed
+    )
+    as_the_team, slow = (mixed[mixed.r3 == level].path_m_mean.to_numpy() for level in (0.3, 0.05))
+    plain = rows(encircle.study(study, tmp_path / "p"), workers=1).path_m_mean.to_numpy()
+    assert as_the_team.tolist() == plain.tolist()
+    assert (slow < as_the_team).all()
+
+
 def test_a_robot_that_dies_ends_it_with_a_line(tmp_path):
     from encircle.studies.session import Session
     from encircle.world.arena.engine import build

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from helpers_channel import ALPHA, Flown, distances, links_of
-from helpers_world import small
+from helpers_world import arena, small
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
 from encircle.world.channel import channel as radio
 from encircle.world.channel.loss_causes import Cause
+from encircle.world.coordinator.real_time_core import has_perfect_channel
 
 ROBOTS, TICKS = 4, 3000
 LINKS = links_of(ROBOTS)
@@ -89,6 +90,14 @@ def test_out_of_range_is_named_before_chance_and_after_outages():
     assert set(due[:, 0, 1:].ravel()) == {-Cause.OUT_OF_RANGE, -Cause.OUTAGE}
     assert due[1, 0, 1] == -Cause.OUTAGE
     assert (due[0, 1:, 0] == -Cause.OUT_OF_RANGE).all()
+
+
+@pytest.mark.parametrize("own", ["radio_range_m=9", "loss_rate=0.1"])
+def test_a_channel_with_a_weak_radio_is_not_perfect(own):
+    """Robots that hear each other directly must be told which packets the radio lets through."""
+    assert has_perfect_channel(arena())
+    assert has_perfect_channel(arena("team.robots.r2.step_m_max=0.1"))
+    assert not has_perfect_channel(arena(f"team.robots.r2.{own}"))
 
 
 def test_without_single_radios_there_is_no_such_stage():

@@ -53,6 +53,17 @@ def test_a_count_above_what_fits_is_told_of_and_one_above_what_is_possible_as_we
     assert "no more than 2 robots" in line
 
 
+def test_a_team_given_as_a_table_is_told_by_the_key_of_its_count():
+    (line,) = remarks("team.robots=2", "team.robots.r1.step_m_max=0.1")
+    assert line.startswith(f"team.robots.count = 2: 2 robots {NEVER}")
+
+
+def test_a_radio_that_reaches_no_body_is_told_of():
+    (line,) = remarks("team.robots.r2.radio_range_m=0.9")
+    assert line.startswith("team.robots.r2.radio_range_m = 0.9: ")
+    assert remarks("team.robots.r2.radio_range_m=1.0") == []
+
+
 def crash(robot, tick, ticks=None):
     return {"kind": "crash", "robot": robot, "tick": tick, **({"ticks": ticks} if ticks else {})}
 
