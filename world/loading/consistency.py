@@ -76,8 +76,10 @@ def _names(scenario: Scenario) -> list[str]:
     team, target = scenario.team, scenario.target
     # The robots would find out, but later, and each by itself.
     problems = _policy("team", team.strategy, team.policy_parameters)
+    is_sound = not problems
     for robot, own in team.overrides.items():
-        if own.strategy is not None or own.policy_parameters is not None:
+        # What is wrong with the team's policy is not said again for each robot that has it.
+        if own.strategy is not None or (own.policy_parameters is not None and is_sound):
             problems += _policy(
                 f"team.robots.{robot}",
                 scenario.strategy_of(robot),

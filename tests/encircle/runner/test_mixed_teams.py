@@ -5,7 +5,7 @@ import pytest
 
 from encircle.measures.belief import peer_error_m_mean
 from encircle.protocol.codec import decode
-from encircle.protocol.messages import Observation, Pose, Setup, State
+from encircle.protocol.messages import QUANTUM_M, Observation, Pose, Setup, State
 from encircle.replay.replaying import replay
 from encircle.runlog.recorded_log import log_of_recording
 from encircle.runlog.runlog import RunLogCollector
@@ -14,6 +14,7 @@ from encircle.runner.memory import run_in_memory
 from encircle.world.arena.engine import build
 from encircle.world.loading.load import load
 from encircle.world.recording.recording import read_recording
+from encircle.world.scenario.errors import ScenarioError
 
 MIXED = [
     "ticks_max=60",
@@ -133,3 +134,58 @@ def test_errors_of_localisation_cost_no_packet_and_change_no_fate():
     assert ticks > 20
     assert (exact.due[:ticks] == off.due[:ticks]).all()
     assert (exact.robots[:ticks] != off.robots[:ticks]).any()
+
+
+WALKERS = """
+from typing import Annotated
+
+from encircle.agents.policies.interface import Decision
+from encircle.protocol.parameters import Meaning, Range, Unit
+
+
+def east(
+    memory,
+    view,
+    *,
+    length_m: Annotated[float, Range(0.0, 1.0), Unit("m"), Meaning("Its step.")] = 0.01,
+    turns: Annotated[int, Range(0, 9), Meaning("Quarter turns.")] = 0,
+):
+    x, y = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[turns % 4]
+    return memory, Decision("walk", (length_m * x, length_m * y), view.position)
+"""
+
+
+def test_own_parameters_of_a_policy_are_the_teams_with_a_robots_own_in_place(tmp_path, monkeypatch):
+    (tmp_path / "walkers.py").write_text(WALKERS)
+    overrides = [
+        *("ticks_max=4", f"team.strategy={tmp_path}/walkers.py:east", "team.sensing_range_m=90"),
+        "team.policy_parameters.length_m=0.2",
+        "team.robots.r2.policy_parameters={length_m=0.1, turns=1}",
+        "team.robots.r3.policy_parameters.turns=2",
+        "team.robots.r4.strategy=pursuit",
+    ]
+    log = log_in_memory(overrides)
+    assert log.modes[3].tolist() == ["walk", "walk", "walk", "pursue"]
+    expected = [[0.2, 0.0], [0.0, 0.1], [-0.2, 0.0]]
+    np.testing.assert_allclose(log.steps[3, :3], expected, atol=QUANTUM_M)
+    over, inside = (run("sim1", link=k, overrides=overrides) for k in ("zenoh", "memory"))
+    assert over.digest == inside.digest
+
+
+@pytest.mark.parametrize(
+    ("own", "line"),
+    [
+        ("r2.policy_parameters.length_m=2", "team.robots.r2.policy_parameters.length_m = 2: must"),
+        ("r2.policy_parameters.length=1", "team.robots.r2.policy_parameters.length = 1: unknown"),
+        ("r2={strategy='xi-0', policy_parameters={turns=1}}", "policy_parameters.turns = 1: "),
+    ],
+)
+def test_own_parameters_that_a_robots_policy_does_not_take_are_refused(
+    own, line, tmp_path, monkeypatch
+):
+    (tmp_path / "walkers.py").write_text(WALKERS)
+    monkeypatch.setenv("ENCIRCLE_POLICIES", str(tmp_path))
+    with pytest.raises(ScenarioError) as caught:
+        load("sim1", ["team.strategy=walkers.py:east", f"team.robots.{own}"])
+    assert str(caught.value).count("\n") == 1
+    assert line in str(caught.value)

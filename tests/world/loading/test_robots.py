@@ -134,6 +134,14 @@ def test_more_problems_are_listed_together():
     assert len(lines) == 4
 
 
+def test_a_problem_of_the_teams_policy_is_told_once():
+    own = "team.robots.r2.policy_parameters={a=1}"
+    (line,) = refusal("team.strategy=xi-9", own, SLOW)
+    assert line.startswith("  team.strategy = 'xi-9': unknown policy")
+    (line,) = refusal(own, SLOW)
+    assert line.startswith("  team.robots.r2.policy_parameters.a = 1: ")
+
+
 def test_a_count_beside_positions_must_be_theirs():
     (line,) = refusal("team.robots.count=3", SLOW, tree=PLACES)
     assert line == "  team.robots.count = 3: but 4 positions are given"
