@@ -1,9 +1,9 @@
-"""``encircle scenarios``: which scenarios are shipped."""
+"""``encircle scenarios``: which scenarios, and which profiles of channels, are shipped."""
 
 import json
 from collections.abc import Sequence
 
-from encircle.cli.shipped import listed_scenarios
+from encircle.cli.shipped import listed_profiles, listed_scenarios
 from encircle.protocol.process.log import say
 from encircle.protocol.programs.options import Options
 
@@ -12,7 +12,13 @@ def main(arguments: Sequence[str], program: str) -> int:
     """List the shipped scenarios, a line each or as one JSON object; returns the exit status."""
     options = Options(program, "List the shipped scenarios.", environment=False)
     options.add_flag("--json", "print one JSON object, with every key of every scenario")
+    options.add_flag("--profiles", "list the profiles of channels (channel.profile) instead")
     settings = options.parse(arguments)
+    if settings.profiles:
+        profiles = listed_profiles()
+        lines = [f"{name:18} {title}" for name, title in profiles.items()]
+        say(*([json.dumps(profiles)] if settings.json else lines))
+        return 0
     if not settings.json:
         for name, robots, title in listed_scenarios():
             say(f"{name:12} {robots:3} robots  {title}")

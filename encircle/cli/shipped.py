@@ -14,6 +14,7 @@ from encircle.world import loading
 from encircle.world.loading.toml_folder import toml_trees
 
 SCENARIOS = Path(loading.__path__[0]) / "shipped"
+PROFILES = Path(loading.__path__[0]) / "shipped_profiles"
 STUDIES = Path(studies.__path__[0]) / "shipped"
 
 
@@ -31,6 +32,11 @@ def listed_scenarios() -> list[Listed]:
         Listed(name, tree["team"].get("robots") or len(tree["team"]["positions"]), tree["title"])
         for name, tree in toml_trees(SCENARIOS).items()
     ]
+
+
+def listed_profiles() -> dict[str, str]:
+    """The shipped profiles of channels, title by name."""
+    return {name: tree["title"] for name, tree in toml_trees(PROFILES).items()}
 
 
 def listed_studies() -> list[Listed]:

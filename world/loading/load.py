@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from encircle.protocol.parameters import SET_BY_ROBOT_KEYS
 from encircle.world.loading.consistency import problems_of
 from encircle.world.loading.files import copied, override, read
+from encircle.world.loading.profiles import expanded
 from encircle.world.loading.robots import unknown_robots
 from encircle.world.loading.trace_files import inlined
 from encircle.world.scenario.errors import ScenarioError
@@ -33,9 +34,9 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
 
     Keys are dotted (``channel.loss.rate``), list items by number (``obstacles.0.radius_m``), robots
     by id (``team.robots.r3.step_m_max``); values are TOML, or plain text if they are not. Files of
-    traces are read here and their rows put in their place; a relative one lies beside the
-    scenario's file, or below the working directory if a mapping or an override names it. Raises
-    ``ScenarioError`` listing every problem.
+    traces are read here and their rows put in their place, as are the tables of
+    ``channel.profile``; a relative file lies beside the scenario's file, or below the working
+    directory if a mapping or an override names it. Raises ``ScenarioError`` listing every problem.
     """
     name, tree = read(source)
     problems = []
@@ -45,6 +46,7 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
         except ScenarioError as error:
             problems.append(str(error))
     problems += unknown_robots(tree)
+    problems += expanded(tree)
     problems += inlined(tree)
     try:
         scenario = Scenario.model_validate(tree)
