@@ -3,8 +3,9 @@
 A profile is a TOML file with the tables of ``channel`` and, for people, a title, its source, and
 what was fitted and how. ``channel.profile`` of a scenario names one, and is replaced by the
 profile's tables as the scenario is loaded, so that a resolved scenario, its digest and its
-recording do not depend on what a later version ships. What the scenario itself says counts before it: key by key
-within a table, unless it chooses another model, which then replaces the profile's table.
+recording do not depend on what a later version ships. What the scenario itself says counts before
+it: key by key within a table, unless it chooses another model, which then replaces the profile's
+table.
 
 Bursts of a profile are given in seconds, ``burst_s``, since real ones do not depend on ticks; they
 become ``burst_packets`` with a packet for each tick.
