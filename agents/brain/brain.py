@@ -120,14 +120,36 @@ def step(
         )
     present = team.without_lost(peers, lost)
     planned_team = team.planning_team(present, own, observation.position, tick, config.parameters)
-    if received:
-        state = state._replace(packets=_newest_packets(state.packets, received))
-    heard = tuple([packet for _, packet in received])
-    memory, decision, search = _decide(
-        state, track, present, planned_team, observation, heard, config
-    )
+    newest = _newest_packets(state.packets, received) if received else state.packets
     estimate = track.estimate
+    search = searching = None
+    if estimate is None:
+        search = state.search or Search(*observation.position, tick)
+        searching = _search(search, observation, config)
     x, y = observation.position
+    view = View(
+        tick,
+        config.tick_s,
+        config.robot,
+        config.team,
+        observation.position,
+        planned_team.own,
+        planned_team.positions,
+        estimate,
+        partial(extrapolate, track, config.tick_s, config.parameters),
+        config.parameters,
+        state.goal,
+        (x - state.position[0], y - state.position[1]) if state.position else (0.0, 0.0),
+        planned_team.members,
+        tuple([packet for _, packet in received]),
+        None if estimate is None else tick - track.detected_tick,
+        observation.scan,
+        observation.seen,
+        searching,
+        present,
+        newest,
+    )
+    memory, decision = _decide(state.memory, view, config)
     wanted = _limit_step(decision.step, config.parameters.step_m_max)
     safe = avoid(
         wanted,
@@ -156,7 +178,7 @@ def step(
     )
     after = BrainState(
         *(peers, track, observation.position, search, goal, receiver_model, lost),
-        *(state.packets, memory),
+        *(newest, memory),
     )
     return after, Action(pose, command)
 
@@ -168,7 +190,11 @@ def _newest_packets(
     newest = list(packets)
     for index, packet in received:
         known = newest[index]
-        if known is None or (packet.tick, packet.sequence) > (known.tick, known.sequence):
+        if (
+            known is None
+            or packet.tick > known.tick
+            or (packet.tick == known.tick and packet.sequence > known.sequence)
+        ):
             newest[index] = packet
     return tuple(newest)
 
@@ -251,52 +277,22 @@ def _packet(
     )
 
 
-def _decide(
-    state: BrainState,
-    track: Track,
-    known: team.PeerTable,
-    planned_team: team.Team,
-    observation: Observation,
-    heard: tuple[Pose, ...],
-    config: RobotConfig,
-) -> tuple[Any, Decision, Search | None]:
-    """What the policy remembers and decides, and the default search if one is under way.
+def _search(search: Search, observation: Observation, config: RobotConfig) -> Decision:
+    """What the default search does at a tick."""
+    x, y = observation.position
+    goal = search_goal(search, observation.tick, config.own, len(config.team), config.parameters)
+    return Decision("search", (goal[0] - x, goal[1] - y), goal)
+
+
+def _decide(memory: Any, view: View, config: RobotConfig) -> tuple[Any, Decision]:
+    """What the policy remembers and decides.
 
     ``PluginFailed`` if the policy raises, or its decision is impossible.
     """
-    parameters, tick, position = config.parameters, observation.tick, observation.position
-    search = searching = None
-    if track.estimate is None:
-        search = state.search or Search(*position, tick)
-        goal = search_goal(search, tick, config.own, len(config.team), parameters)
-        searching = Decision("search", (goal[0] - position[0], goal[1] - position[1]), goal)
-    x, y = state.position or position
-    view = View(
-        tick,
-        config.tick_s,
-        config.robot,
-        config.team,
-        position,
-        planned_team.own,
-        planned_team.positions,
-        track.estimate,
-        partial(extrapolate, track, config.tick_s, parameters),
-        parameters,
-        state.goal,
-        (position[0] - x, position[1] - y),
-        planned_team.members,
-        heard,
-        None if track.estimate is None else tick - track.detected_tick,
-        observation.scan,
-        observation.seen,
-        searching,
-        known,
-        state.packets,
-    )
     try:
-        return *validated(config.policy(state.memory, view)), search
+        return validated(config.policy(memory, view))
     except (Exception, SystemExit) as error:
-        raise PluginFailed(STRATEGIES, config.name, config.robot, tick, error) from error
+        raise PluginFailed(STRATEGIES, config.name, config.robot, view.tick, error) from error
 
 
 def _limit_step(step: Point, length_m_max: float) -> Point:

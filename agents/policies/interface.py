@@ -12,8 +12,6 @@ keeps it from collisions.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 from numpy import float64
@@ -61,8 +59,7 @@ class Peer(NamedTuple):
     packet: Pose | None
 
 
-@dataclass(frozen=True)
-class View:
+class View(NamedTuple):
     """What a policy decides on: one robot's own, possibly stale, view of the hunt.
 
     ``robot``: its id; ``team``: all ids, in robot order. ``position``: its own, and ``last_step``
@@ -96,12 +93,12 @@ class View:
     scan: tuple[float, ...] = ()
     seen: tuple[tuple[str, float, float], ...] = ()
     search: Decision | None = None
-    known: PeerTable = field(default=(), repr=False)
+    known: PeerTable = ()
     """What is known of each member of the team, by its index (``Peer`` is made of it)."""
-    packets: tuple[Pose | None, ...] = field(default=(), repr=False)
+    packets: tuple[Pose | None, ...] = ()
     """The newest packet heard from each member of the team, by its index."""
 
-    @cached_property
+    @property
     def peers(self) -> tuple[Peer, ...]:
         """The peers that are planned with, in robot order."""
         peers = []
