@@ -77,8 +77,12 @@ def encode(message: Message, run: str) -> bytes:
 def encode_any_length(message: Message, run: str) -> bytes:
     """As ``encode``, of any length: a message that its sender packed differently may be longer."""
     layout = _LAYOUTS[type(message)]
-    body = dict(zip(layout.names, (VERSION, run, *layout.values(message)), strict=True))
-    if layout.defaults:
+    values = layout.values(message)
+    if layout.defaults and values[-len(layout.defaults) :] == layout.default_values:
+        # As most are; the names that are left out are the last ones.
+        body = dict(zip(layout.always, (VERSION, run, *values), strict=False))
+    else:
+        body = dict(zip(layout.names, (VERSION, run, *values), strict=True))
         for name, default in layout.defaults.items():
             if body[name] == default:
                 del body[name]

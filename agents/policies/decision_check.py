@@ -10,7 +10,9 @@ from encircle.agents.policies.interface import Decision
 from encircle.protocol.messages import CommandMode
 from encircle.protocol.plugins import InvalidPluginResult, pair_of_m, shown
 from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, TEXT_MAX
-from encircle.protocol.wire.payload import FrozenMap, payload
+from encircle.protocol.wire.payload import NOTHING_SAID, FrozenMap, payload
+
+_KEPT_MODES = tuple(map(str, CommandMode))
 
 
 def validated(answer: Any) -> tuple[Any, Decision]:
@@ -22,21 +24,23 @@ def validated(answer: Any) -> tuple[Any, Decision]:
         raise InvalidPluginResult(
             f"{shown(answer)}: must be what it remembers, and a Decision (encircle.Decision)"
         )
-    return answer[0], _valid_decision(answer[1])
-
-
-def _valid_decision(decision: Decision) -> Decision:
-    mode, step, goal, xi, point, predictor, say = decision
+    memory, (mode, step, goal, xi, point, predictor, say) = answer
     _check_text("mode", mode)
-    if mode in tuple(CommandMode):
+    if mode in _KEPT_MODES:
         raise InvalidPluginResult(
             f"mode = {mode!r}: is kept for commands that no policy has decided on"
         )
     if predictor is not None:
         _check_text("predictor", predictor)
-    step, goal = pair_of_m("step", step), pair_of_m("goal", goal)
-    said = None if say is None else _payload(say)
-    return Decision(mode, step, goal, _prediction_step(xi), _point(point), predictor, said)
+    return memory, Decision(
+        mode,
+        pair_of_m("step", step),
+        pair_of_m("goal", goal),
+        xi if xi is None else _prediction_step(xi),
+        point if point is None else _point(point),
+        predictor,
+        NOTHING_SAID if say is None else _payload(say),
+    )
 
 
 def _payload(say: Any) -> FrozenMap:
@@ -59,9 +63,7 @@ def _is_encodable(text: str) -> bool:
     return text.encode(errors="replace").decode() == text
 
 
-def _prediction_step(xi: Any) -> float | None:
-    if xi is None:
-        return None
+def _prediction_step(xi: Any) -> float:
     try:
         number = float(xi)
     except (TypeError, ValueError, OverflowError):
@@ -71,9 +73,7 @@ def _prediction_step(xi: Any) -> float | None:
     return number
 
 
-def _point(point: Any) -> int | None:
-    if point is None:
-        return None
+def _point(point: Any) -> int:
     try:
         number = point.__index__()
     except (AttributeError, TypeError):

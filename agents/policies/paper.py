@@ -74,7 +74,9 @@ def encircle(view: View, xi_grid: tuple[float, ...]) -> Decision:
 def shrink(view: View) -> Decision | None:
     """Eq. 4-7 once all are near and the ring is closed, as far as this robot can tell."""
     parameters = view.parameters
-    target_x, target_y = target = known_target(view)
+    target = view.target
+    assert target is not None, "without an estimate there is no ring to close"
+    target_x, target_y = target.x, target.y
     near = parameters.near_factor * parameters.ring_radius_m
     rays = []
     for x, y in view.positions:
@@ -93,7 +95,7 @@ def shrink(view: View) -> Decision | None:
         parameters.deviation_gain,
         parameters.deviation_rad_max,
     )
-    return Decision("shrink", close_in(view, beta), target)
+    return Decision("shrink", close_in(view, beta), (target_x, target_y))
 
 
 def close_in(view: View, deviation_rad: float) -> Point:
@@ -105,8 +107,9 @@ def close_in(view: View, deviation_rad: float) -> Point:
     """
     parameters = view.parameters
     x, y = view.positions[view.own]
-    target_x, target_y = known_target(view)
-    dx, dy = target_x - x, target_y - y
+    target = view.target
+    assert target is not None, "without an estimate there is nothing to close in on"
+    dx, dy = target.x - x, target.y - y
     distance = hypot(dx, dy)
     if distance == 0.0:
         return (0.0, 0.0)

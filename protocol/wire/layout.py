@@ -14,7 +14,8 @@ class Layout:
     """What the codec needs to know of a kind of message.
 
     ``names``: ``v`` and ``run``, then the fields. ``always``: the beginning of ``names`` that no
-    sender leaves out; ``defaults``: the values of the others where they are left out.
+    sender leaves out; ``defaults``: the values of the others where they are left out, and
+    ``default_values`` these values alone.
     ``values(message)``: a tuple of the fields' values. ``map_indices``: which fields have a map
     inside, counted from the first after ``run``.
     """
@@ -22,6 +23,7 @@ class Layout:
     names: tuple[str, ...]
     always: tuple[str, ...]
     defaults: dict[str, Any]
+    default_values: tuple[Any, ...]
     values: Callable[[Any], tuple[Any, ...]]
     checks: tuple[Check, ...]
     map_indices: tuple[int, ...]
@@ -39,6 +41,7 @@ def layout_of(kind: type[Any]) -> Layout:
         names,
         always,
         defaults,
+        tuple(defaults.values()),
         attrgetter(*names[2:]),
         tuple(field.type.check for field in fields),
         tuple(index for index, field in enumerate(fields) if field.type.has_map),

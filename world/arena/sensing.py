@@ -110,7 +110,7 @@ def detected(
 
     Each with noise of its own, whose deviation per axis is ``noise_m_std``.
     """
-    exact = np.broadcast_to(target, (count, 2))
+    exact = target[None].repeat(count, axis=0)
     if noise_m_std == 0.0:
         return exact
     noise = noise_m_std * normal_pairs(seed, Purpose.DETECTION_NOISE, tick, count)

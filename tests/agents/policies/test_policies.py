@@ -16,6 +16,7 @@ from helpers_paths import ROOT
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from encircle.agents.policies.interface import View
 from encircle.agents.policies.paper import pursue, xi_0, xi_1, xi_3, xi_star
 from encircle.agents.policies.registry import policy_named
 from encircle.protocol.parameters import Parameters
@@ -306,6 +307,6 @@ def test_an_unknown_strategy_is_refused_and_each_known_one_listed_once():
 @pytest.mark.parametrize("name", SHIPPED_POLICIES)
 def test_a_strategy_is_pure(name):
     seen = view([(5.0, 1.0), (-3.0, 4.0), (0.0, -5.0)], own=1)
-    copy = replace(seen)
+    copy = View(*seen)
     assert policy_named(name)(None, seen) == policy_named(name)(None, seen)
     assert seen == copy
