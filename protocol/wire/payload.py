@@ -22,6 +22,8 @@ VALUES = (
 class FrozenMap(dict[str, Any]):
     """A map that cannot be changed; it can be hashed, compared with a dict, copied and pickled."""
 
+    __slots__ = ()
+
     def _refuse(self, *_arguments: Any, **_values: Any) -> NoReturn:
         raise TypeError("what was said cannot be changed: make a new map, such as {**old, ...}")
 
@@ -76,8 +78,10 @@ def _frozen(value: Any, key: str, depth: int) -> Any:
     if holds[1]:
         return tuple([_frozen(v, _below(key, str(n)), depth - 1) for n, v in enumerate(value)])
     if getattr(value, "shape", None) == () and hasattr(value, "item"):
-        # A number of numpy's.
-        return _frozen(value.item(), key, depth)
+        # A number of numpy's; one that Python has no number for stays what it is.
+        plain = value.item()
+        if type(plain) is not kind:
+            return _frozen(plain, key, depth)
     raise ValueError(f"made of {VALUES}; {key or 'it'} is of type {kind.__name__}")
 
 

@@ -11,13 +11,15 @@ from encircle.protocol.codec import decode, decode_pose, encode
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
 from encircle.protocol.target_estimate import TargetEstimate
+from encircle.protocol.wire.payload import FrozenMap
 
 RUN = "fuzz"
 POSE = Pose("r1", 7, 7, (1.5, -2.25), (0.5, 0.0), (3.0, 4.0), "encircle", 2.0, 1)
 BARE = Pose("r2", 0, 0, (0.0, 0.0), (0.0, 0.0), None, "search", None, None)
 RELAYING = replace(POSE, relayed=(("r2", 6, 1.0, 2.0), ("r3", 6, 1.5, 2.5), ("r2", 5, 0.0, -1.0)))
 TELLING = replace(BARE, estimate=TargetEstimate(0, 3.0, 4.0, -1.0, 0.5, 0.0025, 0.01, 1.5))
-POSES = st.sampled_from([POSE, BARE, RELAYING, TELLING])
+SPEAKING = replace(TELLING, say=FrozenMap(bid=1.5, who="r2"))
+POSES = st.sampled_from([POSE, BARE, RELAYING, TELLING, SPEAKING, replace(SPEAKING, estimate=None)])
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=400)
 ODD = st.sampled_from(
     [
