@@ -1,6 +1,7 @@
 """Somebody who only looks on: python onlooker.py ENDPOINT PAUSE_S DIRECTORY WHAT...
 
 WHAT is ``WHO:HOW:KEY``, each with a session of its own: HOW is ``hear`` (subscribe to messages),
+``read`` (likewise, and print of each that says something tick, robot and what it says, as JSON),
 ``watch`` (subscribe to tokens) or ``answer`` (be asked). After each message it pauses. WHO is whose
 certificate of DIRECTORY it shows, if that is not empty. Its buffers are small and its connections
 never expire, so that it is soon felt that it does not read, and for as long as it lives.
@@ -10,6 +11,7 @@ import json
 import sys
 import time
 
+import msgpack
 import zenoh
 
 
@@ -35,7 +37,15 @@ def settings(endpoint, directory, who):
     return found
 
 
+def read(sample):
+    message = msgpack.unpackb(sample.payload.to_bytes())
+    if message.get("say"):
+        print(json.dumps([message["tick"], message["robot"], message["say"]]), flush=True)
+
+
 def look_on(session, how, key, pause):
+    if how == "read":
+        return session.declare_subscriber(key, zenoh.handlers.Callback(read, indirect=False))
     handler = zenoh.handlers.Callback(lambda _said: time.sleep(pause), indirect=False)
     if how == "hear":
         return session.declare_subscriber(key, handler)

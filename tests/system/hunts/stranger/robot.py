@@ -5,6 +5,10 @@ the newest detection of the target that it or anybody else has made, moves it on
 target went lately, and heads for its own share of a ring around it, which is where it stays in the
 order in which the team stands around the target with equal gaps between them. Once all are near
 and no gap is wide it goes in. A robot that the world calls lost has no share.
+
+It speaks: it says at which bearing from the target its share lies, ``{"share": {"bearing_rad": b,
+"of": how many}}``. And it listens: as long as the newest packet of a peer that it counts on says
+``{"wait": true}``, it does not go in.
 """
 
 import cmath
@@ -78,6 +82,7 @@ class Robot:
         self.before = None
         self.peers = {}  # id: (tick, position, velocity per tick) as complex numbers
         self.heard = {}  # id: tick of its newest packet
+        self.waiting = {}  # id: whether that said to wait
         self.lost = {}  # id: since which tick
         self.sightings = {}  # (tick, origin): position
 
@@ -88,7 +93,7 @@ class Robot:
         if tick < self.setup["answer_tick"]:
             self.before = here
             return []
-        mode, goal, target, team = self.plan(here)
+        mode, goal, target, team, say = self.plan(here)
         step = self.clear(goal - here, here, seen, target)
         head = {"v": VERSION, "run": self.run, "robot": self.me, "tick": tick}
         why = {"mode": mode, "xi": None, "point": None}
@@ -103,6 +108,7 @@ class Robot:
             **why,
             "relayed": [],
             "sent_us": None,
+            **({"say": say} if say else {}),
         }
         command = {
             **head,
@@ -133,6 +139,9 @@ class Robot:
             if sender not in self.peers or self.peers[sender][0] < pose["tick"]:
                 velocity = complex(*pose["velocity"]) * self.setup["tick_s"]
                 self.peers[sender] = (pose["tick"], complex(*pose["position"]), velocity)
+            if pose["tick"] >= self.heard.get(sender, -1):
+                say = pose.get("say", {})
+                self.waiting[sender] = type(say) is dict and say.get("wait") is True
             self.heard[sender] = max(pose["tick"], self.heard.get(sender, -1))
             if pose["detection"] is not None:
                 self.sightings[pose["tick"], sender] = complex(*pose["detection"])
@@ -169,11 +178,11 @@ class Robot:
         return found
 
     def plan(self, here):
-        """What it is up to, where it heads for, where it takes the target to be, and its team."""
+        """What it is up to, where it heads and takes the target to be, its team, what it says."""
         places = self.members(here)
         target, parameters = self.target_in(0), self.setup["parameters"]
         if target is None:
-            return "search", here, None, list(places)
+            return "search", here, None, list(places), {}
         ring = parameters.get("ring_radius_m", RING_RADIUS_M)
         rays = {robot: place - target for robot, place in places.items()}
         order = sorted(rays, key=lambda robot: cmath.phase(rays[robot]))
@@ -183,13 +192,15 @@ class Robot:
             sum(cmath.rect(1, cmath.phase(rays[r]) - k * share) for k, r in enumerate(order))
         )
         angle = turn + order.index(self.me) * share
+        say = {"share": {"bearing_rad": angle, "of": len(order)}}
         near = all(abs(ray) <= NEAR * ring for ray in rays.values())
+        near = near and not any(self.waiting.get(robot) for robot in places)
         if near and widest_gap(rays.values()) <= 2 * math.pi - WIDE_RAD:
             touching = parameters["radius_m"] + parameters["target_radius_m"]
             goal = self.target_in(1) + cmath.rect(touching + KEEP_M, angle)
-            return "shrink", goal, target, list(places)
+            return "shrink", goal, target, list(places), say
         goal = self.target_in(LEAD_TICKS) + cmath.rect(ring, angle)
-        return "encircle", goal, target, list(places)
+        return "encircle", goal, target, list(places), say
 
     def clear(self, step, here, seen, target):
         """The step, no longer than it can be made, and not into anything but the target."""
