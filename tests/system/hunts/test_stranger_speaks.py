@@ -1,8 +1,8 @@
 """A robot of other make and a policy of the reader's own hear each other, and somebody looks on.
 
 ``stranger/robot.py`` knows docs/protocol.md alone and takes part as r4. r1 to r3 follow a policy
-that lies in a file: it takes the place in the ring that the stranger's share leaves to it, and has the
-stranger wait before it goes in. What each of them heard is read off the recording.
+that lies in a file: it takes the place in the ring that the stranger's share leaves to it, and has
+the stranger wait before it goes in. What each of them heard is read off the recording.
 """
 
 import json
