@@ -5,11 +5,11 @@ chi-square law of the normalised estimation error.
 """
 
 from dataclasses import replace
-from math import sqrt
 
 import numpy as np
 import pytest
 from helpers_agents import BODIES, TEAM, TICK_S, config, observation, pose, run_actions
+from helpers_fusion import ALONE, errors_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
@@ -19,7 +19,7 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.estimation import kalman
 from encircle.agents.estimation.covariance_intersection import intersection
 from encircle.agents.estimation.kalman import Estimate
-from encircle.agents.teamwork import fusing
+from encircle.measures.belief import STATES
 from encircle.protocol.codec import decode_pose, encode
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import QUANTUM_M, Setup
@@ -240,52 +240,27 @@ def test_predicting_at_once_is_predicting_tick_by_tick(told, ticks):
     assert found.covariance == pytest.approx(estimate.covariance, rel=1e-9, abs=1e-9)
 
 
-RUNS, TICKS, ROBOTS = 40, 40, 4
+RUNS, ROBOTS = 40, 4
 
 
-def nees_of(way, seed):
-    """(ROBOTS,) at the last tick of a run in which all hear all at the next tick.
-
-    The target moves and is detected as the filter has it, by each robot at every third tick.
-    """
-    rng = np.random.default_rng(seed)
-    parameters = replace(FUSE, detections=way, acceleration_mps2_std=2.0)
-    push = np.array([TICK_S**2 / 2, TICK_S])
-    state = np.stack([np.zeros(2), rng.normal(0.0, parameters.velocity_mps_std, 2)])
-    tracks = [kalman.EMPTY_TRACK] * ROBOTS
-    told = [None] * ROBOTS
-    for tick in range(TICKS):
-        after = []
-        for own, track in enumerate(tracks):
-            noise = rng.normal(0.0, parameters.measurement_m_std, 2)
-            x, y = (state[0] + noise).tolist()
-            seen = [(tick, own, x, y)] if (tick + own) % 3 == 0 else []
-            heard = [
-                (peer, telling(f"r{peer + 1}", tick - 1, estimate))
-                for peer, estimate in enumerate(told)
-                if peer != own and estimate is not None
-            ]
-            after.append(fusing.incorporate(track, seen, heard, own, tick, TICK_S, parameters))
-        tracks, true = after, state
-        told = [fusing.estimate_to_tell(track) for track in tracks]
-        acceleration = rng.normal(0.0, parameters.acceleration_mps2_std, 2)
-        state = np.stack([state[0] + TICK_S * state[1], state[1]]) + np.outer(push, acceleration)
-    return [nees(track.estimate, true) for track in tracks]
+def mean_nees(way, loss):
+    """(ROBOTS,) at the end of runs in which all tell all what they know."""
+    return np.mean([errors_of(way, seed, ROBOTS, 40, loss)[0][-1] for seed in range(RUNS)], axis=0)
 
 
-def nees(estimate, true):
-    p00, p01, p11 = estimate.covariance
-    off = np.array([estimate[:2], estimate[2:4]]) - true
-    return float(np.sum(off * np.linalg.solve(np.array([[p00, p01], [p01, p11]]), off)))
+@pytest.mark.parametrize("loss", [0.0, 0.5])
+def test_where_all_tell_all_naive_fusion_is_far_too_sure_and_intersection_is_not(loss):
+    # Runs are independent, so the mean of one robot's NEES over them is chi-square over their
+    # number. Bounds that a consistent filter leaves in one of 10^4 tries, for each robot.
+    low, high = chi2(STATES * RUNS).ppf([5e-5, 1.0 - 5e-5]) / RUNS
+    detections = mean_nees("own", loss)
+    assert np.all((low < detections) & (detections < high)), "detections are counted once"
+    assert np.all(mean_nees("fuse", loss) < high)
+    assert np.all(mean_nees("fuse-naive", loss) > 10.0 * high)
 
 
-def test_where_all_share_all_naive_fusion_is_far_too_sure_and_intersection_is_not():
-    # The mean over independent runs of one robot's NEES is chi-square over its count.
-    low, high = chi2(4 * RUNS).ppf([0.0005, 0.9995]) / RUNS
-    mean = {
-        way: np.mean([nees_of(way, seed) for seed in range(RUNS)], axis=0)
-        for way in ("fuse", "fuse-naive")
-    }
-    assert np.all(mean["fuse"] < high), (mean["fuse"], high)
-    assert np.all(mean["fuse-naive"] > 3.0 * high), (mean["fuse-naive"], high)
-    assert sqrt(low) > 1.0, "the interval is narrow enough to mean something"
+def test_estimates_told_and_intersected_are_better_than_none_and_detections_better_still():
+    def error(way):
+        return np.nanmean([errors_of(way, seed, ROBOTS, 40)[1] for seed in range(RUNS)])
+
+    assert error("own") < error("fuse") < error(ALONE)
