@@ -1,8 +1,8 @@
 """How sure robots are that share what they know of the target, and how sure they may be.
 
-``PYTHONPATH=tests/helpers python bench/consistency.py`` runs 200 runs of robots at rest, in which the
-target moves and is detected as the robots' filters have it and everybody tells everybody what it
-knows at each tick. It prints, for each way of telling, the normalised estimation error squared
+``PYTHONPATH=tests/helpers python bench/consistency.py`` makes 200 runs of robots at rest, in which
+the target moves and is detected as the robots' filters have it, and everybody tells everybody what
+it knows at each tick. It prints, for each way of telling, the normalised estimation error squared
 (NEES), its 95 % interval for a filter that is as sure as it may be, and the error of the position.
 ``--figure FILE`` draws the NEES over time. Values at one tick are independent between runs, so the
 mean of R of them is a chi-square variable with 4 R degrees of freedom over R.
