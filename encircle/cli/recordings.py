@@ -126,7 +126,17 @@ def trace_main(arguments: Sequence[str], program: str) -> int:
     options = _options(
         program,
         "Write what the network did as a trace: loss and delay of a run by the clock, for the"
-        " channel to replay.",
+        " channel to replay. With --from, of a public trace set instead.",
+    )
+    options.add(
+        "--from",
+        "RUN is a file of a public trace set in this format: orbit or uma",
+        metavar="FORMAT",
+    )
+    options.add_list(
+        "--nodes",
+        "of a folder of orbit: which nodes are r1, r2, ..., as in 1-2,1-4,2-5",
+        metavar="LIST",
     )
     options.add(
         "--out",
@@ -137,11 +147,18 @@ def trace_main(arguments: Sequence[str], program: str) -> int:
     )
     settings = options.parse(arguments)
     # Imported late: a mistyped command need not wait for the recording's reader.
+    from encircle.network.public_traces import FORMATS
     from encircle.network.tracing import check_trace_path, trace_of, write_trace
 
+    form = getattr(settings, "from")
+    nodes = [node.strip() for listed in settings.nodes for node in listed.split(",")]
+    if form is not None and form not in FORMATS:
+        options.error(f"--from {form}: must be {' or '.join(FORMATS)}")
+    if form is None and nodes:
+        options.error("--nodes: is for --from orbit")
     out = settings.out
     check_trace_path(out)
-    trace = trace_of(_read(settings.run))
+    trace = trace_of(_read(settings.run)) if form is None else FORMATS[form](settings.run, nodes)
     write_trace(trace, out)
     lost = sum(row.lost for row in trace.rows)
     if trace.delays_refused is not None:

@@ -32,7 +32,10 @@ class TraceFileError(RunDirectoryError):
 
 
 class TraceRow(NamedTuple):
-    """One packet of a trace; ``delay_s`` is None if it was lost."""
+    """One packet of a trace; ``delay_s`` is None if it was lost or is not known.
+
+    ``sender`` and ``receiver`` are empty in a trace for all links.
+    """
 
     sender: str
     receiver: str
@@ -41,7 +44,7 @@ class TraceRow(NamedTuple):
 
 
 class NetworkTrace(NamedTuple):
-    """The packets of a run.
+    """The packets of a run, or of a public trace set.
 
     ``delays_refused``: why delays are left out, None if they are given. ``left_out``: how many
     packets at the end do not fit into a trace.
@@ -98,7 +101,8 @@ def write_trace(trace: NetworkTrace, path: Path) -> None:
     check_trace_path(path)
     if not trace.rows:
         raise TraceFileError(f"{path}: the run has no packet that could have been heard")
-    names = COLUMNS if trace.delays_refused is None else COLUMNS[:3]
+    first = 0 if trace.rows[0].sender else COLUMNS.index("lost")
+    names = COLUMNS[first:] if trace.delays_refused is None else COLUMNS[first:-1]
     made = (
         _as_csv(trace, names) if path.suffix.lower() == ".csv" else _as_parquet(trace, names, path)
     )
@@ -120,7 +124,8 @@ def _as_csv(trace: NetworkTrace, names: tuple[str, ...]) -> bytes:
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(names)
-    writer.writerows(row[: len(names)] for row in trace.rows)
+    first = COLUMNS.index(names[0])
+    writer.writerows(row[first : first + len(names)] for row in trace.rows)
     return text.getvalue().encode()
 
 

@@ -353,6 +353,28 @@ def test_the_set_up_tells_of_any_radio_and_event():
     assert expected["Robots' parameters"] == "publish_every_ticks = 2"
 
 
+@pytest.mark.parametrize(
+    ("changes", "radio"),
+    [
+        (
+            {"channel.loss": {"model": "path-loss", "range_m": 9.0, "shadowing_db": 6.0}},
+            "loss path-loss, range_m = 9, shadowing_db = 6; no delay",
+        ),
+        (
+            {"channel.contention": {"access": "slotted-aloha", "packet_s": 0.01}},
+            "no loss; no delay; contention access = slotted-aloha, packet_s = 0.01",
+        ),
+        (
+            {"channel.profile": "4g"},
+            "loss burst, rate = 0.0022, burst_packets = 4.7; delay lognormal, mean_s = 0.118,"
+            " std_s = 0.0082",
+        ),
+    ],
+)
+def test_the_set_up_tells_of_signals_contention_and_profiles(changes, radio):
+    assert dict(setup_rows(study_plan(seeds=1, set=changes)))["Radio"] == radio
+
+
 SLOW_R3 = "team.robots.r3.step_m_max"
 
 

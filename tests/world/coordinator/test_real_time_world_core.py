@@ -158,6 +158,19 @@ def test_direct_with_a_channel_tells_which_packets_it_admits_and_draws_fates_as_
     assert core.rounds.fates.due.tolist() == reference.rounds.fates.due.tolist()
 
 
+def test_by_the_clock_contention_is_among_the_packets_that_came_in_a_tick():
+    # Long packets: whoever is not alone is lost. r1 alone sends to silent radios.
+    core = world("channel.contention.packet_s=60.0")
+    for robots in (["r1"], ["r1", "r2"]):
+        tick = len(robots) - 1
+        for robot in robots:
+            sent(core, robot, tick, tick)
+        told = ended_tick(core)
+        assert [len(told[robot].inbox) for robot in core.arena.ids] == (
+            [0, 1, 1, 1] if robots == ["r1"] else [0, 0, 0, 0]
+        )
+
+
 @pytest.mark.parametrize(
     ("override", "perfect"),
     [
@@ -165,6 +178,9 @@ def test_direct_with_a_channel_tells_which_packets_it_admits_and_draws_fates_as_
         ('channel.loss={model="bernoulli",rate=0.1}', False),
         ('channel.delay={model="constant",mean_s=0.05}', False),
         ("channel.duplication.rate=0.1", False),
+        ("channel.loss={model='path-loss', range_m=9}", False),
+        ("channel.contention.packet_s=0.001", False),
+        ("channel.profile=wifi-office", False),
         ('events=[{kind="silence",tick=1,ticks=1,robot="r1"}]', False),
         ('events=[{kind="move-target",tick=1,position=[9.0,9.0]}]', True),
     ],
