@@ -56,6 +56,7 @@ FROM python:3.11-slim AS base
 ENV PATH=/opt/encircle/bin:$PATH \
     PYTHONUNBUFFERED=1 \
     PYTHONSAFEPATH=1 \
+    ENCIRCLE_POLICIES=/files \
     HOME=/tmp \
     OPENBLAS_NUM_THREADS=1 \
     OMP_NUM_THREADS=1

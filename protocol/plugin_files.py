@@ -35,8 +35,8 @@ def function_in_file(name: str) -> Any:
     Whatever the file itself raises when it is imported is raised. A file that has changed since is
     imported anew.
     """
-    file, _, function = name.rpartition(":")
-    path = _path_of(file)
+    function = name.rpartition(":")[2]
+    path = path_of(name)
     source = _bytes_of(path)
     module = _modules.get(key := (path, _digest(source)))
     if module is None:
@@ -63,13 +63,21 @@ def source_digest(function: Callable[..., Any]) -> str:
     return "" if file is None or not Path(file).is_file() else _digest(Path(file).read_bytes())
 
 
-def _path_of(file: str) -> Path:
+def path_of(name: str) -> Path:
+    """The file of ``path/file.py:function``; ``FileProblem`` if there is none."""
+    file = name.rpartition(":")[0]
     folders = [*filter(None, os.environ.get(FOLDERS, "").split(os.pathsep)), str(Path.cwd())]
     for folder in folders:
         path = Path(folder) / Path(file).expanduser()
         if path.is_file():
             return path.resolve()
     raise FileProblem(f"there is no file {file} in {' or '.join(folders)} ({FOLDERS} adds folders)")
+
+
+def let_import_beside(path: Path) -> None:
+    """Let modules that lie beside a file be imported, after all others of their names."""
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
 
 
 def _bytes_of(path: Path) -> bytes:
@@ -85,8 +93,7 @@ def _imported(path: Path, source: bytes) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None, "its name ends in .py"
     module = importlib.util.module_from_spec(spec)
-    if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))
+    let_import_beside(path)
     sys.modules[name] = module
     try:
         # Not by the loader, which would take what was compiled from an earlier text.

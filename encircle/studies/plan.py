@@ -309,7 +309,11 @@ class Plan(_Model):
             used |= {(STRATEGIES, scenario.strategy_of(robot)) for robot in scenario.ids}
         known = {group: installed(group) for group in GROUPS}
         return tuple(
-            sorted((group, name) for group, name in used if not known[group][name].shipped)
+            sorted(
+                (group, name)
+                for group, name in used
+                if ":" in name or not known[group][name].shipped
+            )
         )
 
     def as_delivered(self, delivered_s: Mapping[str, Sequence[float]]) -> "Plan":

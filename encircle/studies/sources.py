@@ -25,6 +25,7 @@ from importlib.metadata import packages_distributions, version
 from importlib.util import find_spec
 from pathlib import Path
 
+from encircle.protocol.plugin_files import FileProblem, is_in_file, let_import_beside, path_of
 from encircle.protocol.plugins import OWN, installed
 
 OURS: Mapping[str, tuple[str, ...]] = {
@@ -99,14 +100,12 @@ def _plugin_sources(plugins: Names) -> _PluginSources:
     sources = _PluginSources()
     owners = packages_distributions() if plugins else {}
     for group, name in plugins:
-        plugin = installed(group).get(name)
-        if plugin is None:
+        try:
+            waiting, own = _beginning(group, name, sources)
+        except FileProblem:
             sources.absent.add(name)
             continue
-        entry = plugin.entry
-        own = {entry.dist.name} if entry.dist is not None else set()
-        sources.distributions |= own
-        waiting, seen = [entry.module.partition(".")[0]], {OWN} | sys.stdlib_module_names
+        seen = {OWN} | sys.stdlib_module_names
         while waiting:  # ends: every module is looked at once
             module = waiting.pop()
             if module in seen:
@@ -121,6 +120,26 @@ def _plugin_sources(plugins: Names) -> _PluginSources:
                 sources.files |= files
                 waiting += [name for path in files.values() for name in _imports(path)]
     return sources
+
+
+def _beginning(group: str, name: str, sources: _PluginSources) -> tuple[list[str], set[str]]:
+    """The modules that a plug-in's sources begin with, and the distributions that are its own.
+
+    Adds its file or distribution to ``sources``. ``FileProblem`` if there is no such plug-in.
+    """
+    if is_in_file(name):
+        path = path_of(name)
+        let_import_beside(path)
+        sources.files[path.name] = path
+        return sorted(_imports(path)), set()
+    if ":" in name:
+        return [name.partition(":")[0].partition(".")[0]], set()
+    plugin = installed(group).get(name)
+    if plugin is None:
+        raise FileProblem(name)
+    own = {plugin.entry.dist.name} if plugin.entry.dist is not None else set()
+    sources.distributions |= own
+    return [plugin.entry.module.partition(".")[0]], own
 
 
 def _files_of(module: str) -> Files | None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helpers_cluster import Cluster
 from helpers_commands import command
 from helpers_waiting import LONGEST_S, TIMEOUTS, ample_s, communicated, ended, until
 
@@ -301,37 +302,6 @@ def test_an_observation_that_is_lost_is_asked_again(monkeypatch):
         log, _ = made.hunt(build(plan.scenario_of(3), 1))
     assert len(lost) == 1
     assert log.ticks == 5
-
-
-class Cluster:
-    """A dask scheduler and workers of the test's own, on loopback."""
-
-    def __init__(self, scratch):
-        self.scratch = scratch
-        self.address = free_endpoint().replace("tcp/", "tcp://")
-        self.processes = []
-        port = self.address.rsplit(":", 1)[1]
-        self._start("scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
-
-    def add_worker(self):
-        options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
-        local = ("--local-directory", str(self.scratch), "--memory-limit", "0")
-        return self._start("worker", self.address, *options, *local)
-
-    def _start(self, *words):
-        process = subprocess.Popen(
-            [sys.executable, "-m", "dask", *words],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        self.processes.append(process)
-        return process
-
-    def end(self):
-        for process in self.processes:
-            process.kill()
-            process.wait()
 
 
 @pytest.fixture

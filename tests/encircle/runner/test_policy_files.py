@@ -1,0 +1,224 @@
+"""Policies named by their file, without packaging: in memory, over Zenoh, in studies, on hosts.
+
+``POLICY`` remembers how often it was asked, says so, and heads for where it is told.
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+from helpers_agents import BODIES, observation
+from helpers_cluster import Cluster
+
+import encircle
+from encircle.agents.brain.robot_core import RobotCore
+from encircle.protocol.codec import decode, encode
+from encircle.protocol.keys import robot_key
+from encircle.protocol.messages import CommandMode, Pose, Setup
+from encircle.protocol.plugin_files import FOLDERS, FileProblem, function_in_file, source_digest
+from encircle.protocol.plugins import policy_source
+from encircle.replay.replaying import replay
+from encircle.runner.launch import RunFailed
+from encircle.world.recording.recording import read_recording
+from encircle.world.scenario.errors import ScenarioError
+
+POLICY = '''
+"""A policy of a reader's own."""
+from beside import GAIN
+from encircle import Decision
+
+
+def teller(memory, view, *, gain: float = GAIN):
+    asked = (memory or 0) + 1
+    x, y = view.position
+    goal = view.target.position if view.target else view.position
+    heard = {packet.robot: packet.say["asked"] for packet in view.heard if packet.say}
+    step = (gain * (goal[0] - x), gain * (goal[1] - y))
+    return asked, Decision("tell", step, goal, say={"asked": asked, "heard": heard})
+
+
+def plain(view):
+    return None
+
+
+def breaks(memory, view):
+    raise KeyError("nothing")
+'''
+NAME = "own/robots.py:teller"
+OVERRIDES = (f"team.strategy={NAME}", "ticks_max=25")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch) -> Path:
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "robots.py").write_text(POLICY)
+    (tmp_path / "own" / "beside.py").write_text("GAIN = 0.5\n")
+    # What would stand for Python's own, were the folder looked through first.
+    (tmp_path / "own" / "types.py").write_text("raise RuntimeError('not this one')\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(os.sys.modules, "beside", raising=False)
+    return tmp_path
+
+
+def said(out: Path) -> list[dict]:
+    recording = read_recording(out)
+    return [
+        decode(Pose, payload, recording.run).say
+        for _, robot, payload in recording.of_channel("pose")
+        if robot == "r1"
+    ]
+
+
+def test_in_memory_and_over_zenoh_it_is_one_run_that_is_replayed_and_resumed(folder):
+    memory = encircle.run("sim1", link="memory", overrides=OVERRIDES, out=folder / "memory")
+    over_zenoh = encircle.run("sim1", overrides=OVERRIDES, out=folder / "zenoh")
+    assert over_zenoh.digest == memory.digest
+    spoken = said(folder / "zenoh")
+    assert [told["asked"] for told in spoken] == list(range(1, 26))
+    # A packet is heard a tick after it was sent.
+    assert spoken[3]["heard"] == {"r2": 3, "r3": 3, "r4": 3}
+    assert replay(folder / "zenoh").same
+    recorded = (folder / "zenoh" / "recording.mcap").read_bytes()
+    (folder / "zenoh" / "recording.mcap").write_bytes(recorded[: len(recorded) * 2 // 3])
+    assert encircle.resume(folder / "zenoh", link="memory").digest == memory.digest
+
+
+def test_its_own_parameters_are_set_in_the_scenario_and_change_the_run():
+    runs = [
+        encircle.run("sim1", link="memory", overrides=[*OVERRIDES, *others]).digest
+        for others in ((), ("team.policy_parameters.gain=0.5",), ("team.policy_parameters.gain=1",))
+    ]
+    # That the default is said changes the configuration, and with it the digest.
+    assert len(set(runs)) == 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        (
+            {"team.strategy": "own/robots.py:telle"},
+            "robots.py has no 'telle'; it has teller, plain",
+        ),
+        ({"team.strategy": "own/robot.py:teller"}, "there is no file own/robot.py in "),
+        ({"team.strategy": "own/robots.py:plain"}, "it takes (view), must take (memory, view)"),
+        ({"team.strategy": "own/empty.py:f"}, "SyntaxError"),
+        ({"team.strategy": "nowhere_at_all:f"}, "nowhere_at_all:f cannot be loaded: ModuleNot"),
+        ({"team.policy_parameters.gain": "high"}, "gain = 'high': must be a number"),
+        ({"team.policy_parameters.gian": "1"}, "gian = 1: unknown key (did you mean 'gain'?)"),
+    ],
+)
+def test_what_cannot_be_is_one_line_before_the_run(folder, changes, line):
+    (folder / "own" / "empty.py").write_text("def f(:\n")
+    overrides = [*OVERRIDES, *(f"{key}={value}" for key, value in changes.items())]
+    with pytest.raises(ScenarioError) as caught:
+        encircle.run("sim1", link="memory", overrides=overrides)
+    assert line in str(caught.value)
+    assert str(caught.value).count("\n") == 1
+
+
+FAILED = r"policy 'own/robots.py:breaks' failed in robot r\d at tick 0: KeyError"
+
+
+def test_one_that_fails_is_named_with_robot_and_tick():
+    for link in ("memory", "zenoh"):
+        with pytest.raises(RunFailed, match=FAILED):
+            encircle.run("sim1", link=link, overrides=["team.strategy=own/robots.py:breaks"])
+
+
+def test_a_changed_file_is_imported_anew(folder):
+    before = encircle.run("sim1", link="memory", overrides=OVERRIDES).digest
+    source = folder / "own" / "robots.py"
+    source.write_text(POLICY.replace("asked = (memory or 0) + 1", "asked = (memory or 0) + 2"))
+    assert encircle.run("sim1", link="memory", overrides=OVERRIDES).digest != before
+    source.write_text(POLICY)
+    assert encircle.run("sim1", link="memory", overrides=OVERRIDES).digest == before
+
+
+def core_after(setup: Setup) -> RobotCore:
+    core = RobotCore("r1", "run")
+    core.receive(robot_key("run", "r1", "setup"), encode(setup, "run"))
+    return core
+
+
+def test_a_robot_whose_file_is_not_the_worlds_refuses_with_one_line(folder):
+    setup = Setup("r1", ("r1",), 0.1, NAME, BODIES, policy_source=policy_source(NAME))
+    same = core_after(setup)
+    assert same.failed is None
+    (folder / "own" / "robots.py").write_text(POLICY + "\n# another copy\n")
+    other = core_after(setup)
+    assert str(other.failed).count("\n") == 0
+    assert f"policy {NAME!r} failed in robot r1 at tick 0" in str(other.failed)
+    assert "put the world's file on this host" in str(other.failed)
+    assert other.answer(observation()).command.mode == CommandMode.FAILED
+    assert same.answer(observation()).command.mode == "tell"
+
+
+def test_a_source_is_that_of_the_file_and_a_shipped_policy_has_none(folder):
+    assert policy_source("xi-star") == ""
+    digest = policy_source(NAME)
+    assert len(digest) == 64
+    assert source_digest(function_in_file(NAME)) == digest
+    (folder / "own" / "robots.py").write_text(POLICY + "\n")
+    assert policy_source(NAME) != digest
+
+
+def test_folders_of_the_environment_come_first(folder, monkeypatch):
+    other = folder / "elsewhere" / "own"
+    other.mkdir(parents=True)
+    (other / "robots.py").write_text("def teller(memory, view): return 3\n")
+    monkeypatch.setenv(FOLDERS, str(folder / "nothing") + os.pathsep + str(folder / "elsewhere"))
+    assert function_in_file(NAME)(None, None) == 3
+    monkeypatch.delenv(FOLDERS)
+    assert function_in_file(NAME).__module__ != "robots"
+    with pytest.raises(FileProblem, match="no file"):
+        function_in_file("robots.py:teller")
+
+
+POLICIES = {"name": "policy", "key": "team.strategy", "values": ["xi-star", NAME]}
+GAINS = {"name": "gain", "key": "team.robots.r2.policy_parameters.gain", "values": [0.1, 0.9]}
+OF_FILE = {"ticks_max": 20, "team.strategy": NAME}
+PLAN = {
+    "name": "files",
+    "scenario": "sim1",
+    "seeds": 2,
+    "measures": ["captured", "path_m_total"],
+    "axes": [POLICIES],
+    "set": {"ticks_max": 20},
+}
+
+
+def test_a_study_runs_it_on_all_cores_and_its_table_knows_the_file(folder):
+    study = encircle.study(PLAN, folder / "out")
+    assert study.run(workers=2) == 4
+    assert set(study.table().policy) == {"xi-star", NAME}
+    assert encircle.study(PLAN, folder / "out").run(workers=2) == 0
+    (folder / "own" / "robots.py").write_text(POLICY + "\n# changed\n")
+    with pytest.raises(encircle.StudyError, match="code"):
+        encircle.study(PLAN, folder / "out").run(workers=2)
+
+
+def test_its_own_parameters_of_one_robot_are_an_axis(folder):
+    study = encircle.study({**PLAN, "axes": [GAINS], "set": OF_FILE}, folder / "out")
+    assert study.run(workers=1) == 4
+    assert set(study.table().gain) == {0.1, 0.9}
+
+
+def test_a_cluster_runs_it_unless_a_worker_has_another_file(folder):
+    (folder / "other" / "own").mkdir(parents=True)
+    (folder / "other" / "own" / "beside.py").write_text("GAIN = 0.5\n")
+    (folder / "other" / "own" / "robots.py").write_text(POLICY + "\n# another copy\n")
+    here = encircle.study(PLAN, folder / "here")
+    here.run(workers=1)
+    for place, same in ((folder, True), (folder / "other", False)):
+        cluster = Cluster(folder / "scratch")
+        try:
+            cluster.add_worker(place)
+            study = encircle.study(PLAN, folder / f"out-{same}")
+            if same:
+                study.run(cluster=cluster.address)
+                assert study.table().path_m_total.equals(here.table().path_m_total)
+            else:
+                with pytest.raises(encircle.StudyFailed, match="a worker runs code"):
+                    study.run(cluster=cluster.address)
+        finally:
+            cluster.end()
