@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from encircle.protocol.messages import CAUSE_CODE_MAX, Pose, Radio, Setup, State
-from encircle.protocol.target_estimate import is_sound
+from encircle.protocol.wire.target_estimate import is_sound
 
 
 def problem_of(message: Any) -> str | None:

@@ -16,7 +16,6 @@ from typing import Annotated, Any
 
 from encircle.protocol.endings import Reason
 from encircle.protocol.real_time import Timing
-from encircle.protocol.target_estimate import TargetEstimate
 from encircle.protocol.wire import checks
 from encircle.protocol.wire.declaration import Field
 from encircle.protocol.wire.field_types import (
@@ -42,6 +41,7 @@ from encircle.protocol.wire.field_types import (
 )
 from encircle.protocol.wire.limits import RAYS_MAX, RAYS_MIN, RELAYED_MAX
 from encircle.protocol.wire.payload import NOTHING_SAID
+from encircle.protocol.wire.target_estimate import TargetEstimate
 
 QUANTA_PER_M = float(2**20)
 QUANTUM_M = 1.0 / QUANTA_PER_M

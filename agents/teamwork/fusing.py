@@ -25,7 +25,7 @@ from encircle.agents.estimation.covariance_intersection import intersection, pro
 from encircle.agents.estimation.kalman import Detection, Estimate, Track
 from encircle.protocol.messages import Pose, quantise_m
 from encircle.protocol.parameters import Parameters
-from encircle.protocol.target_estimate import TargetEstimate, is_sound, rounded_covariance
+from encircle.protocol.wire.target_estimate import TargetEstimate, is_sound, rounded_covariance
 
 FUSIONS: Mapping[str, Callable[[Estimate, Estimate], Estimate]] = {
     "fuse": intersection,

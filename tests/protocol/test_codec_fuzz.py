@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from encircle.protocol.codec import decode, decode_pose, encode
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
-from encircle.protocol.target_estimate import TargetEstimate
 from encircle.protocol.wire.payload import FrozenMap
+from encircle.protocol.wire.target_estimate import TargetEstimate
 
 RUN = "fuzz"
 POSE = Pose("r1", 7, 7, (1.5, -2.25), (0.5, 0.0), (3.0, 4.0), "encircle", 2.0, 1)

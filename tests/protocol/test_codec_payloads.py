@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from encircle.protocol.codec import _plain_pose, decode, decode_pose, encode
 from encircle.protocol.errors import MalformedMessage, OversizedMessage, ProtocolError
 from encircle.protocol.messages import Pose
-from encircle.protocol.target_estimate import TargetEstimate
 from encircle.protocol.wire.packing import map_header
 from encircle.protocol.wire.payload import payload as said
+from encircle.protocol.wire.target_estimate import TargetEstimate
 
 RUN = "g1"
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=400)

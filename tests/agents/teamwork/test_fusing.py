@@ -24,7 +24,7 @@ from encircle.protocol.codec import decode_pose, encode
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import QUANTUM_M, Setup
 from encircle.protocol.parameters import Parameters
-from encircle.protocol.target_estimate import TargetEstimate
+from encircle.protocol.wire.target_estimate import TargetEstimate
 
 CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
 RUN = "g1"

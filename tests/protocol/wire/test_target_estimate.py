@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from encircle.protocol.codec import decode, decode_pose, encode
 from encircle.protocol.errors import MalformedMessage
 from encircle.protocol.messages import Pose
-from encircle.protocol.target_estimate import TargetEstimate, is_sound, rounded_covariance
+from encircle.protocol.wire.target_estimate import TargetEstimate, is_sound, rounded_covariance
 
 RUN = "g1"
 CHEAP = settings(max_examples=300, deadline=None, derandomize=True)
