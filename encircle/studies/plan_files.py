@@ -15,8 +15,10 @@ from pydantic import ValidationError
 from encircle.protocol.suggestions import did_you_mean
 from encircle.studies.plan import Plan, StudyError
 from encircle.studies.plan_problems import plan_problems, problem_lines
+from encircle.world.loading.files import read
 from encircle.world.loading.files import shipped as shipped_scenarios
 from encircle.world.loading.load import load
+from encircle.world.loading.profiles import with_profile_named
 from encircle.world.loading.toml_folder import toml_files
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
@@ -93,7 +95,9 @@ def _base_scenario(source: Any, folder: Path) -> Any:
         beside = here.is_file()
     except OSError:  # the text cannot be a file's name
         beside = False
-    return load(here if beside else source).model_dump(mode="json", exclude_unset=True)
+    name = here if beside else source
+    resolved = load(name).model_dump(mode="json", exclude_unset=True)
+    return with_profile_named(resolved, read(name)[1])
 
 
 def _with_absolute_files(tree: Any, folder: Path, key: str = "") -> Any:

@@ -161,16 +161,9 @@ def transmit(channel: Channel, state: ChannelState, sending: Sending) -> tuple[C
         cause = np.zeros((channel.robots, channel.robots), np.int64)
     if channel.radios is not None:
         cause = robot_radios.with_losses(channel.radios, cause, tick, sending.distances_m)
-    dropped = np.zeros(channel.robots, bool)
-    if channel.transmitter is not None and queues is not None:
-        on_air = _on_air(channel, sending)
-        queues, left, dropped = rate_limit.send(channel.transmitter, queues, on_air, sizes)
-    if channel.air is not None:
-        on_air = _on_air(channel, sending) & ~dropped
-        hit = contention.lost(channel.air, tick, on_air, sending.distances_m)
-        cause[hit & (cause == 0)] = Cause.CONTENTION
+    if channel.transmitter is not None or channel.air is not None:
+        queues, left, cause = _sent(channel, queues, sending, cause)
     # From here on a weightier cause overwrites a lighter one.
-    cause[dropped] = Cause.QUEUE_FULL
     if channel.outages is not None and (cut := outages.at(channel.outages, tick)) is not None:
         np.copyto(cause, cut[1], where=cut[0])
     if sending.silent is not None:
@@ -206,11 +199,25 @@ def in_flight(state: ChannelState) -> int:
     return sum(int(f.links.sum()) for flights in state.flights.values() for f in flights)
 
 
-def _on_air(channel: Channel, sending: Sending) -> NDArray[np.bool_]:
-    """(N,) which robots have a packet to send and a radio that is on."""
-    sizes = sending.sizes_bytes
+def _sent(
+    channel: Channel, queues: Floats | None, sending: Sending, cause: Ints
+) -> tuple[Floats | None, Floats | None, Ints]:
+    """The queues, (N,) ticks until packets have left, and the causes with those of the senders.
+
+    ``cause``: (N, N) what the links lose, which contention does not take again.
+    """
+    sizes, left, dropped = sending.sizes_bytes, None, np.zeros(channel.robots, bool)
     on_air = np.ones(channel.robots, bool) if sizes is None else sizes > 0
-    return on_air if sending.silent is None else on_air & ~sending.silent
+    if sending.silent is not None:
+        on_air &= ~sending.silent
+    if channel.transmitter is not None and queues is not None:
+        queues, left, dropped = rate_limit.send(channel.transmitter, queues, on_air, sizes)
+    if channel.air is not None:
+        on_air = on_air & ~dropped
+        hit = contention.lost(channel.air, sending.tick, on_air, sending.distances_m)
+        cause = np.where(hit & (cause == 0), Cause.CONTENTION, cause)
+    cause[dropped] = Cause.QUEUE_FULL
+    return queues, left, cause
 
 
 def _taken(delays: delay.Delays, tick: int, left_ticks: Floats | None) -> Ints:

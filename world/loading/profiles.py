@@ -72,6 +72,25 @@ def expanded(tree: Any) -> list[str]:
     return []
 
 
+def with_profile_named(resolved: dict[str, Any], tree: Mapping[str, Any]) -> dict[str, Any]:
+    """A loaded scenario's tree with the profile that the tree it was loaded from names, if any.
+
+    A study's cells can then name another. What is not the profile's stays as it was loaded.
+    """
+    channel = tree.get("channel")
+    if not isinstance(channel, Mapping) or channel.get("profile") is None:
+        return resolved
+    made = resolved["channel"]
+    own = {
+        # The rows of a trace have taken the place of its file.
+        key: made[key]
+        if key == "links" or (isinstance(value, Mapping) and "file" in value)
+        else value
+        for key, value in channel.items()
+    }
+    return {**resolved, "channel": own}
+
+
 def _read(name: str, path: Path) -> Profile:
     tree = tomllib.loads(path.read_text(encoding="utf-8"))
     title, source, fitted = (" ".join(tree[key].split()) for key in TEXTS)

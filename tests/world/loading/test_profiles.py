@@ -112,6 +112,48 @@ def test_a_malformed_tick_or_rate_beside_a_profile_is_told_alone():
         assert f"\n  {change.split('=')[0]} = " in str(caught.value)
 
 
+def test_a_cell_of_a_study_may_name_another_profile_than_its_base_scenario(tmp_path):
+    (tmp_path / "lossy.csv").write_text("lost\n0\n1\n", encoding="utf-8")
+    (tmp_path / "base.toml").write_text(
+        """
+        [team]
+        robots = 4
+        [channel]
+        profile = "zigbee"
+        order = "kept"
+        delay = { model = "constant", mean_s = 0.3 }
+        [[channel.links]]
+        sender = "r1"
+        loss = { model = "trace", file = "lossy.csv" }
+        """,
+        encoding="utf-8",
+    )
+    study = tmp_path / "study.toml"
+    study.write_text(
+        """
+        scenario = "base.toml"
+        seeds = 1
+        [[axes]]
+        name = "link"
+        key = "channel.profile"
+        values = ["zigbee", "4g"]
+        """,
+        encoding="utf-8",
+    )
+    plan = load_plan(study)
+    (tmp_path / "lossy.csv").unlink()
+    made = [plan.scenario_of(cell).channel for cell in (0, 1)]
+    for name, of_cell in zip(("zigbee", "4g"), made, strict=True):
+        of_profile = channel(f"channel.profile={name}")
+        assert (of_cell.loss, of_cell.rate_limit, of_cell.contention) == (
+            of_profile.loss,
+            of_profile.rate_limit,
+            of_profile.contention,
+        )
+        assert (of_cell.order, of_cell.delay.mean_s) == ("kept", 0.3)
+        assert of_cell.links[0].loss.values == (0, 1)
+
+
 def examples():
     return [tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)]
 
