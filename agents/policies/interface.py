@@ -26,75 +26,86 @@ Predict: TypeAlias = Callable[[tuple[float, ...]], tuple[NDArray[float64], str]]
 
 
 class Decision(NamedTuple):
-    """What a policy wants, and the reasons, for peers and for the record.
-
-    ``step``: the displacement it wants, in m; ``goal``: the point it heads for, in m; ``mode``: a
-    word for what it is up to; ``xi``: the prediction step it chose, in ticks, and ``predictor``
-    what predicted; ``point``: which encirclement point it heads for, from 0. ``say``: what its
-    peers are to hear, at most 1,024 bytes as msgpack: text keys, and numbers that are finite, text,
-    bytes, booleans, None, or lists and maps of these.
-    """
+    """What a policy wants, and the reasons, for peers and for the record."""
 
     mode: str
+    """A word for what it is up to: told to the peers, shown and recorded."""
     step: Point
+    """The displacement it wants, in m; the brain shortens it and keeps it from collisions."""
     goal: Point
+    """The point it heads for, in m."""
     xi: float | None = None
+    """The prediction step it chose, in ticks."""
     point: int | None = None
+    """Which encirclement point it heads for, from 0."""
     predictor: str | None = None
+    """What predicted the target, as ``View.predict`` says."""
     say: Mapping[str, Any] | None = None
+    """What its peers are to hear: texts as keys, and numbers that are finite, texts, bytes, truth
+    values, None, lists and maps of these, at most 1,024 bytes as msgpack."""
 
 
 class Peer(NamedTuple):
-    """A peer as this robot believes it to be now.
-
-    ``position`` in m and ``velocity`` in m/s, as believed now from what was last known of it,
-    ``age_ticks`` ago. ``packet``: the newest packet of it that was heard, with its intent
-    (``mode``, ``xi``, ``point``) and what its policy said (``say``); None if it was only seen.
-    """
+    """A peer as this robot believes it to be now, from what was last known of it."""
 
     robot: str
+    """Its id."""
     position: Point
+    """Where it is believed to be now, in m."""
     velocity: Point
+    """With which velocity, in m/s."""
     age_ticks: int
+    """How old that is what was last known of it."""
     packet: Pose | None
+    """The newest packet of it that was heard, with its intent (``mode``, ``xi``, ``point``) and
+    what its policy said (``say``); None if it was only seen."""
 
 
 class View(NamedTuple):
-    """What a policy decides on: one robot's own, possibly stale, view of the hunt.
-
-    ``robot``: its id; ``team``: all ids, in robot order. ``position``: its own, and ``last_step``
-    what it did since the tick before, in m. ``positions``: where those that it plans with are
-    believed to be now, in m, in robot order and itself included; ``own``: which of them it is;
-    ``members``: who they are, as indices into ``team``. ``heard``: the packets delivered at this
-    tick, by tick, sender and sequence. ``target``: its estimate, None while nothing is known;
-    ``target_age_ticks``: the age of the newest detection in it. ``predict``: from a tuple of G
-    prediction steps in ticks to predicted target positions (G, 2) in m, and what predicted them;
-    not to be called without a target. ``scan``: distances in m to the nearest surface along equally
-    spaced rays, the first along +x; ``seen``: id, x, y of robots in sight, in m. ``parameters``:
-    the robot's. ``previous_goal``: the encirclement point it headed for at the tick before, None if
-    for none. ``search``: what to do without a target, which a policy may answer then.
-    """
+    """What a policy decides on: one robot's own, possibly stale, view of the hunt."""
 
     tick: int
+    """Now."""
     tick_s: float
+    """Length of a tick, in s."""
     robot: str
+    """Its own id."""
     team: tuple[str, ...]
+    """All ids, in robot order."""
     position: Point
+    """Its own position, in m, as it believes."""
     own: int
+    """Its own index among ``positions``."""
     positions: tuple[Point, ...]
+    """Where those that it plans with are believed to be now, itself included, in robot order, in
+    m."""
     target: Estimate | None
+    """The estimate of the target: ``x``, ``y`` in m, ``vx``, ``vy`` in m/s, ``covariance`` (p00,
+    p01, p11) of position and velocity along each axis, ``position``; None while nothing is known."""
     predict: Predict
+    """From a tuple of G prediction steps in ticks to the target's predicted positions (G, 2) in m,
+    and what predicted them; not to be called without a target."""
     parameters: Parameters
+    """The robot's parameters."""
     previous_goal: Point | None = None
+    """The encirclement point it headed for at the tick before, in m, None if for none."""
     last_step: Point = (0.0, 0.0)
+    """What it did since the tick before, in m."""
     members: tuple[int, ...] = ()
+    """Who ``positions`` are of, as indices into ``team``."""
     heard: tuple[Pose, ...] = ()
+    """The packets delivered at this tick, by tick, sender and sequence."""
     target_age_ticks: int | None = None
+    """The age of the newest detection in the estimate; None without one."""
     scan: tuple[float, ...] = ()
+    """Distances in m to the nearest surface along equally spaced rays, the first along +x."""
     seen: tuple[tuple[str, float, float], ...] = ()
+    """The robots in sight: id, x, y in m."""
     search: Decision | None = None
+    """What the default search does while nothing is known of the target, for a policy to answer or
+    to replace; else None."""
     known: PeerTable = ()
-    """What is known of each member of the team, by its index (``Peer`` is made of it)."""
+    """What is known of each member of the team, by its index; ``peers`` is made of it."""
     packets: tuple[Pose | None, ...] = ()
     """The newest packet heard from each member of the team, by its index."""
 
