@@ -81,7 +81,7 @@ class View(NamedTuple):
     m."""
     target: Estimate | None
     """The estimate of the target: ``x``, ``y`` in m, ``vx``, ``vy`` in m/s, ``covariance`` (p00,
-    p01, p11) of position and velocity along each axis, ``position``; None while nothing is known."""
+    p01, p11) of position and velocity along each axis, ``position``; None if nothing is known."""
     predict: Predict
     """From a tuple of G prediction steps in ticks to the target's predicted positions (G, 2) in m,
     and what predicted them; not to be called without a target."""
