@@ -38,6 +38,7 @@ COMMANDS = {
         "Run the paper's five simulations.", "encircle.cli.experiments", "reproduce_main"
     ),
     "study": Command("Run a study, or go on with one.", "encircle.cli.experiments", "study_main"),
+    "check-policy": Command("Examine a policy of one's own.", "encircle.conformance.check_policy"),
     "robot": Command("Run one robot as this process.", "encircle.agents.__main__"),
     "world": Command("Run the world as this process.", "encircle.world.__main__"),
     "router": Command(

@@ -7,7 +7,6 @@ Every check has a time limit. Some library calls have none of their own, such as
 host name, so checks of the network run in a thread that can be left behind.
 """
 
-import json
 import os
 import sys
 import threading
@@ -18,7 +17,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from encircle.doctor.machine import CheckResult, check_machine
+from encircle.check_results import CheckResult, as_json, as_lines, well
+from encircle.doctor.machine import check_machine
 from encircle.doctor.network import check_connecting, check_exposure, check_listening
 from encircle.doctor.run import check_nodes
 from encircle.protocol.process.log import say
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "encircle doctor
     except ConfigurationError as error:
         options.error(str(error))
     status = 0 if examination.well else 1
-    say(*([as_json(examination)] if settings.json else as_lines(examination)))
+    say(*([as_json(examination.results)] if settings.json else as_lines(examination.results)))
     if examination.stuck:
         # A thread that still waits in a library must not keep this process alive.
         os._exit(status)
@@ -95,7 +95,7 @@ class _Examination:
     @property
     def well(self) -> bool:
         """Whether no result is wrong."""
-        return all(finding.level != "wrong" for finding in self.results)
+        return well(self.results)
 
     def add(
         self,
@@ -183,28 +183,6 @@ def with_timeout(
     if errors:
         raise errors[0]
     return results[0] if results else None
-
-
-def as_json(examination: _Examination) -> str:
-    """One object: whether all is well, and the results."""
-    findings = [finding._asdict() for finding in examination.results]
-    return json.dumps({"well": examination.well, "findings": findings})
-
-
-def as_lines(examination: _Examination) -> list[str]:
-    """A line for each result, with a line of advice below it if there is any; then the verdict."""
-    lines = []
-    for check, level, message, advice in examination.results:
-        lines.append(f"{level:5}  {check}: {message}")
-        if advice:
-            lines.append(f"       -> {advice}")
-    wrong = sum(level == "wrong" for _, level, _, _ in examination.results)
-    verdict = (
-        "all is well"
-        if not wrong
-        else f"{wrong} {'thing is' if wrong == 1 else 'things are'} wrong"
-    )
-    return [*lines, verdict]
 
 
 if __name__ == "__main__":

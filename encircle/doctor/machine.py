@@ -16,9 +16,9 @@ import tempfile
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
-from typing import Literal, NamedTuple
 
 from encircle import laboratory
+from encircle.check_results import CheckResult, Level
 from encircle.protocol import VERSION
 
 MIB = 1024 * 1024
@@ -32,21 +32,6 @@ UNSYNCHRONISED_STATUS, UNSYNCHRONISED_STATE = 0x40, 5
 _STATUS_OFFSET, _TIMEX_BYTES = 40, 512
 _REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[[^]]*\])?\s*\(?([^;)]*)\)?\s*(;.*)?")
 _BOUND = re.compile(r"(>=|<=|==|<|>)\s*([0-9][0-9.]*)")
-
-Level = Literal["ok", "note", "wrong"]
-
-
-class CheckResult(NamedTuple):
-    """The result of one check.
-
-    ``check``: what was checked. ``level``: ok, note or wrong. ``said``: what the check saw.
-    ``advice``: what to do, empty if nothing is needed.
-    """
-
-    check: str
-    level: Level
-    said: str
-    advice: str = ""
 
 
 def check_machine(runs: Path, runs_named: bool) -> list[CheckResult]:

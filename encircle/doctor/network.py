@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from encircle.doctor.machine import CheckResult
+from encircle.check_results import CheckResult
 from encircle.protocol.zenoh.configuration import warning
 from encircle.protocol.zenoh.endpoints import (
     NETWORK_PROTOCOLS,

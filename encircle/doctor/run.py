@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import msgpack
 
-from encircle.doctor.machine import CheckResult
+from encircle.check_results import CheckResult
 from encircle.protocol import VERSION
 from encircle.protocol.clocks import Exchange
 from encircle.protocol.errors import ProtocolError

@@ -18,6 +18,7 @@ from helpers_security import free_endpoint as free
 from helpers_waiting import LONGEST_S, until
 from packaging.specifiers import SpecifierSet
 
+from encircle.check_results import CheckResult
 from encircle.doctor import doctor
 from encircle.doctor import machine as checkup
 from encircle.doctor import network as checkup_network
@@ -47,7 +48,7 @@ def elsewhere(tmp_path, monkeypatch):
 class Examined(NamedTuple):
     status: int
     well: bool
-    findings: list[checkup.CheckResult]
+    findings: list[CheckResult]
 
     def of(self, check):
         return [finding for finding in self.findings if finding.check == check]
@@ -61,7 +62,7 @@ def examine(capsys):
     def run(*arguments, check_s=LONGEST_S):
         status = doctor.main([*arguments, "--json", "--check-timeout", f"{check_s}"])
         printed = json.loads(capsys.readouterr().out)
-        findings = [checkup.CheckResult(**finding) for finding in printed["findings"]]
+        findings = [CheckResult(**finding) for finding in printed["findings"]]
         assert printed["well"] == (status == 0)
         assert status == any(finding.level == "wrong" for finding in findings)
         assert all(finding.advice for finding in findings if finding.level != "ok")
@@ -83,7 +84,7 @@ def test_without_options_it_examines_this_machine(examine):
 
 
 def test_as_text_it_says_what_to_do_and_the_verdict(capsys, monkeypatch):
-    gone = checkup.CheckResult("memory", "wrong", "none is left", "buy some")
+    gone = CheckResult("memory", "wrong", "none is left", "buy some")
     monkeypatch.setattr(doctor, "check_machine", lambda *_: [gone])
     assert doctor.main([]) == 1
     assert capsys.readouterr().out.splitlines() == [

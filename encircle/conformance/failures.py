@@ -1,0 +1,114 @@
+"""Why a policy could not answer: the usual mistakes, and what to do about each."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from encircle.agents.estimation.kalman import Estimate
+from encircle.agents.policies.interface import Decision, View
+from encircle.check_results import CheckResult
+from encircle.conformance.scenes import ANSWER_S_MAX, Failure, Recorded, TooSlow
+from encircle.conformance.subject import Subject
+from encircle.protocol.plugins import InvalidPluginResult, error_line
+
+DISTANCE_M, COVARIANCE = 3.0, (1e-4, 0.0, 1.0)
+SEARCH_ADVICE = (
+    "view.target is None until somebody has detected it: begin with"
+    " `if view.target is None: return memory, view.search`"
+)
+MEMORY_ADVICE = "memory is None at first: begin with `memory = memory or {...}`"
+PEERS_ADVICE = "view.peers may be empty, and peer.packet is None of a peer that was only seen"
+FROZEN_ADVICE = "what it is given cannot be changed: make new values, and return them as memory"
+PAIR_ADVICE = "return a pair at every return: memory, Decision(mode, step, goal)"
+
+
+def check_decisions(subject: Subject, recorded: Recorded) -> list[CheckResult]:
+    """Has it answered in every scene, and without a target too? One result for each mistake."""
+    count = sum(len(part.views) for part in recorded.participations)
+    if not recorded.failures:
+        blind = sum(v.target is None for p in recorded.participations for v in p.views)
+        return [
+            CheckResult("decisions", "ok", f"{count} in {_scenes(recorded)} scenes, all valid"),
+            CheckResult("no target", "ok", f"{blind} of them without an estimate of the target"),
+        ]
+    return list(_explained(subject, recorded))
+
+
+def _scenes(recorded: Recorded) -> int:
+    return len({part.scene for part in recorded.participations})
+
+
+def _explained(subject: Subject, recorded: Recorded) -> Iterator[CheckResult]:
+    told = set()
+    for failure in recorded.failures:
+        said, advice = explanation(subject, failure)
+        if (key := (said, advice)) in told:
+            continue
+        told.add(key)
+        check = "no target" if advice == SEARCH_ADVICE else "decisions"
+        where = f"{failure.robot} at tick {failure.view.tick} ({failure.scene})"
+        yield CheckResult(check, "wrong", f"{where}: {said}", advice)
+
+
+def explanation(subject: Subject, failure: Failure) -> tuple[str, str]:
+    """What went wrong, and what to do."""
+    error, view = failure.error, failure.view
+    place = subject.place_in(error)
+    if isinstance(error, TooSlow):
+        return f"no answer after {ANSWER_S_MAX:g} s{place}", "give every loop a limit"
+    if isinstance(error, InvalidPluginResult):
+        return f"it answers {error}", _advice_on_answer(subject, failure)
+    said = f"it raises {error_line(error)}{place}"
+    if isinstance(error, TypeError) and "argument" in str(error) and not place:
+        return said, "its own parameters need defaults, or are set by --set NAME=VALUE"
+    if "cannot assign to field" in str(error) or "cannot be changed" in str(error):
+        return said, FROZEN_ADVICE
+    if view.target is None and _answers(subject, failure.memory, with_target(view)):
+        return said, SEARCH_ADVICE
+    if failure.memory is None and "NoneType" in str(error):
+        return said, MEMORY_ADVICE
+    if not view.peers or any(peer.packet is None for peer in view.peers):
+        return said, PEERS_ADVICE
+    return said, "encircle.View says what each field is, and when it is None"
+
+
+def with_target(view: View) -> View:
+    """A view as if a target that stands still had just been detected."""
+    x, y = view.position
+    estimate = Estimate(x + DISTANCE_M, y, 0.0, 0.0, COVARIANCE)
+
+    def predict(xi_grid: tuple[float, ...]) -> tuple[NDArray[np.float64], str]:
+        return np.array([estimate.position] * len(xi_grid)), "hold"
+
+    return replace(view, target=estimate, target_age_ticks=0, predict=predict, search=None)
+
+
+def _answers(subject: Subject, memory: Any, view: View) -> bool:
+    try:
+        subject.ask(memory, view)
+    except Exception:
+        return False
+    return True
+
+
+def _advice_on_answer(subject: Subject, failure: Failure) -> str:
+    try:
+        answer = subject.ask(failure.memory, failure.view)
+    except Exception:
+        return PAIR_ADVICE
+    if isinstance(answer, Decision):
+        return f"it answers a Decision alone: {PAIR_ADVICE}"
+    if answer is None:
+        return f"some way through it ends without a return: {PAIR_ADVICE}"
+    if type(answer) is tuple and len(answer) == 2 and isinstance(answer[0], Decision):
+        return f"memory comes first: {PAIR_ADVICE}"
+    if type(answer) is not tuple or len(answer) != 2 or not isinstance(answer[1], Decision):
+        return PAIR_ADVICE
+    if "bytes as msgpack" in str(failure.error):
+        return "say less: what changed, or of a few robots only"
+    if "say" in str(failure.error):
+        return "say plain values under texts; arrays as lists, objects as their numbers"
+    return "step and goal are (x, y) in m; a division by a distance of 0 makes NaN"

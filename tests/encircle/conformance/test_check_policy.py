@@ -1,0 +1,305 @@
+"""Each mistake that a reader makes in a policy is found, and gets an explanation."""
+
+import pytest
+
+from encircle.agents.policies.registry import SHIPPED
+from encircle.conformance import purity, scenes
+from encircle.conformance.check_policy import examined
+
+HEAD = """
+import random, time, uuid
+from datetime import datetime
+import numpy as np
+from encircle import Decision
+from encircle.agents.policies.paper import xi_star
+
+_default = xi_star
+"""
+GOOD = """
+def policy(memory, view, *, weight: float = 0.5):
+    memory = memory or {"bids": {}, "ticks": 0}
+    bids = dict(memory["bids"])
+    for packet in view.heard:
+        bid = packet.say.get("bid")
+        if isinstance(bid, float):
+            bids[packet.robot] = bid
+    noise = np.random.default_rng([view.tick, view.own]).normal()
+    decision = _default(None, view)[1]._replace(say={"bid": weight * view.tick, "at": [0.5, 1.0]})
+    return {"bids": bids, "ticks": memory["ticks"] + 1, "noise": noise}, decision
+"""
+MUTATING = """
+def policy(memory, view):
+    memory = {} if memory is None else memory
+    memory["ticks"] = memory.get("ticks", 0) + 1
+    return memory, _default(None, view)[1]
+"""
+VIEW_CHANGED = """
+def policy(memory, view):
+    object.__setattr__(view, "previous_goal", (0.0, view.tick + 0.5))
+    return memory, _default(None, view)[1]
+"""
+VIEW_ASSIGNED = """
+def policy(memory, view):
+    view.tick = 3
+"""
+GLOBAL = """
+count = 0
+
+
+def policy(memory, view):
+    global count
+    count += 1
+    return memory, _default(None, view)[1]._replace(say={"count": count})
+"""
+FIRST_ASKED = """
+first = []
+
+
+def policy(memory, view):
+    if memory is None:
+        first.append(view.robot)
+    return first[0], _default(None, view)[1]._replace(say={"first": first[0]})
+"""
+IN_DEFAULT = """
+def policy(memory, view, *, seen=[]):
+    seen.append(view.tick)
+    return memory, _default(None, view)[1]._replace(say={"n": len(seen)})
+"""
+HASHES = """
+def policy(memory, view):
+    first = next(iter({"red", "green", "blue", "yellow", *view.team}))
+    return memory, _default(None, view)[1]._replace(say={"first": first})
+"""
+IDENTITY = """
+MARK = object
+
+
+class Mark:
+    pass
+
+
+MARK = Mark()
+
+
+def policy(memory, view):
+    same = memory is None or memory is MARK
+    return MARK, _default(None, view)[1]._replace(say={"same": same})
+"""
+UNPICKLABLE = """
+def policy(memory, view):
+    return (lambda: 1), _default(None, view)[1]
+"""
+DRAWS = """
+def policy(memory, view):
+    noise = {}
+    return memory, _default(None, view)[1]
+"""
+FRAGILE = """
+def policy(memory, view):
+    total = sum(packet.say["bid"] for packet in view.heard)
+    return memory, _default(None, view)[1]._replace(say={"bid": 1})
+"""
+TRUSTING = """
+def policy(memory, view):
+    total = sum(packet.say.get("bid", 0) for packet in view.heard)
+    return memory, _default(None, view)[1]._replace(say={"bid": 1})
+"""
+POISONED = """
+def policy(memory, view):
+    bids = {**(memory or {}), **{packet.robot: packet.say.get("bid", 0) for packet in view.heard}}
+    total = sum(bids.values())
+    return bids, _default(None, view)[1]._replace(say={"bid": 1})
+"""
+INDEXED = """
+def policy(memory, view):
+    for packet in view.heard:
+        view.team.index(packet.say.get("who", "r1"))
+    return memory, _default(None, view)[1]._replace(say={"who": view.robot})
+"""
+POINTED = """
+def policy(memory, view):
+    steps = sum(peer.packet.xi for peer in view.peers if peer.packet)
+    return memory, _default(None, view)[1]._replace(xi=1.0)
+"""
+ALL_HEARD = """
+def policy(memory, view):
+    total = sum(x for peer in view.peers for x in peer.packet.position) if view.seen == () else 0
+    return memory, _default(None, view)[1]
+"""
+NO_TARGET = """
+def policy(memory, view):
+    x, y = view.target.position
+    return memory, Decision("go", (x, y), (x, y))
+"""
+NO_MEMORY = """
+def policy(memory, view):
+    count = memory["count"]
+    return {"count": count + 1}, _default(None, view)[1]
+"""
+LONELY = """
+def policy(memory, view):
+    nearest = min(peer.age_ticks for peer in view.peers)
+    return memory, _default(None, view)[1]
+"""
+NOT_A_NUMBER = """
+def policy(memory, view):
+    return memory, Decision("go", (float("nan"), 0.0), (0.0, 0.0))
+"""
+LARGE = """
+def policy(memory, view):
+    return memory, _default(None, view)[1]._replace(say={"all": [0.1 * k for k in range(100)] * 2})
+"""
+GROWING = """
+def policy(memory, view):
+    said = {robot: [1.0] * 12 for robot in view.team}
+    return memory, _default(None, view)[1]._replace(say=said)
+"""
+ARRAY = """
+def policy(memory, view):
+    return memory, _default(None, view)[1]._replace(say={"at": np.zeros(2)})
+"""
+ENDLESS = """
+def policy(memory, view):
+    while True:
+        pass
+"""
+
+
+def returning(text):
+    return f"\ndef policy(memory, view):\n    return {text}\n"
+
+
+def drawing(text):
+    return DRAWS.replace("{}", text)
+
+
+MISTAKES = {
+    "decision alone": (
+        returning("_default(None, view)[1]"),
+        "decisions",
+        "answers",
+        "Decision alone",
+    ),
+    "nothing returned": (returning("None"), "decisions", "answers None", "without a return"),
+    "swapped": (
+        returning("_default(None, view)[::-1]"),
+        "decisions",
+        "answers",
+        "memory comes first",
+    ),
+    "not a number": (NOT_A_NUMBER, "decisions", "step = (nan, 0.0)", "(x, y) in m"),
+    "too large": (LARGE, "decisions", "at most 1024 bytes", "say less"),
+    "too large in a large team": (GROWING, "decisions", "(large team)", "say less"),
+    "array said": (ARRAY, "decisions", "say.at"[:3], "arrays as lists"),
+    "endless": (ENDLESS, "decisions", "no answer after", "limit"),
+    "view assigned": (
+        VIEW_ASSIGNED,
+        "decisions",
+        "cannot assign to field 'tick'",
+        "make new values",
+    ),
+    "no target": (NO_TARGET, "no target", "line 11", "view.search"),
+    "no memory": (NO_MEMORY, "decisions", "line 11", "memory is None at first"),
+    "lonely": (LONELY, "decisions", "min() arg", "view.peers may be empty"),
+    "memory changed": (MUTATING, "inputs", "changes the memory", "{**memory"),
+    "view changed": (VIEW_CHANGED, "inputs", "changes the view", "returns as memory"),
+    "global": (GLOBAL, "same answer", "asked twice", "count of its module"),
+    "default argument": (IN_DEFAULT, "same answer", "asked twice", "policy of its module"),
+    "first asked": (FIRST_ASKED, "order", "the last robot first", "no global"),
+    "hashes": (HASHES, "fresh process", "decides something else", "sort them"),
+    "identity": (IDENTITY, "memory", "decides something else once its memory", "not which object"),
+    "unpicklable": (UNPICKLABLE, "memory", "cannot be pickled", "plain values"),
+    "clock": (drawing("time.time()"), "outside", "time.time (my_robots.py, line 11)", "view.tick"),
+    "now": (
+        drawing("datetime.now()"),
+        "outside",
+        "datetime.now (my_robots.py, line 11)",
+        "view.tick",
+    ),
+    "random": (
+        drawing("random.random()"),
+        "outside",
+        "generator (my_robots.py, line 11)",
+        "default_rng",
+    ),
+    "randint": (
+        drawing("random.randint(1, 6)"),
+        "outside",
+        "generator (my_robots.py, line 11)",
+        "default_rng",
+    ),
+    "numpy": (
+        drawing("np.random.normal()"),
+        "outside",
+        "generator (my_robots.py, line 11)",
+        "default_rng",
+    ),
+    "unseeded": (
+        drawing("np.random.default_rng()"),
+        "outside",
+        "os.urandom (my_robots.py, line 11)",
+        "",
+    ),
+    "unseeded too": (
+        drawing("random.Random()"),
+        "outside",
+        "from outside (my_robots.py, line 11)",
+        "",
+    ),
+    "uuid": (
+        drawing("uuid.uuid4()"),
+        "outside",
+        "os.urandom (my_robots.py, line 11)",
+        "default_rng",
+    ),
+    "file": (
+        drawing("open(__file__).close()"),
+        "outside",
+        "opens a file (my_robots.py, line 11)",
+        "",
+    ),
+    "environment": (drawing("__import__('os').environ.get('HOME')"), "outside", "environment", ""),
+    "fragile": (FRAGILE, "strangers", "KeyError: 'bid' (my_robots.py, line 11)", ".get()"),
+    "trusting": (TRUSTING, "strangers", "TypeError", ".get()"),
+    "poisoned": (POISONED, "strangers", "TypeError", ".get()"),
+    "indexed": (INDEXED, "strangers", "ValueError", ".get()"),
+    "intents": (POINTED, "strangers", "TypeError", "any mode, xi and point"),
+    "all heard": (ALL_HEARD, "strangers", "AttributeError", "peer.packet is None"),
+}
+SMALL = ("plain", "bad radio", "nothing seen", "alone", "large team")
+
+
+@pytest.fixture
+def results_of(tmp_path, monkeypatch):
+    """What the checks say of a policy in a file."""
+    monkeypatch.chdir(tmp_path)
+
+    def results(text, *own):
+        (tmp_path / "my_robots.py").write_text(HEAD + text)
+        return list(examined("my_robots.py:policy", own))
+
+    return results
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_found_and_explained(mistake, results_of, monkeypatch):
+    text, check, said, advice = MISTAKES[mistake]
+    monkeypatch.setattr(scenes, "ANSWER_S_MAX", 2.0)
+    if check not in ("fresh process", "order"):
+        # Processes take longer than all the rest.
+        monkeypatch.setattr(purity, "check_processes", lambda _subject, _parts: [])
+    wrong = {result.check: result for result in results_of(text) if result.level == "wrong"}
+    assert check in wrong
+    assert said in wrong[check].said
+    assert advice in wrong[check].advice
+
+
+def test_a_policy_without_mistakes_passes(results_of):
+    results = results_of(GOOD, "weight=0.25")
+    assert [result for result in results if result.level == "wrong"] == []
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_policy_passes(name, monkeypatch):
+    results = list(examined(name))
+    assert [result for result in results if result.level == "wrong"] == []
