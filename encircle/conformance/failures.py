@@ -1,7 +1,6 @@
 """Why a policy could not answer: the usual mistakes, and what to do about each."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,8 @@ SEARCH_ADVICE = (
 )
 MEMORY_ADVICE = "memory is None at first: begin with `memory = memory or {...}`"
 PEERS_ADVICE = "view.peers may be empty, and peer.packet is None of a peer that was only seen"
+FROZEN = ("can't set attribute", "cannot assign to field", "cannot be changed", "has no setter")
+"""What Python, and what peers have said, answer to who would change them."""
 FROZEN_ADVICE = "what it is given cannot be changed: make new values, and return them as memory"
 PAIR_ADVICE = "return a pair at every return: memory, Decision(mode, step, goal)"
 
@@ -64,7 +65,7 @@ def explanation(subject: Subject, failure: Failure) -> tuple[str, str]:
     said = f"it raises {error_line(error)}{place}"
     if isinstance(error, TypeError) and "argument" in str(error) and not place:
         return said, "its own parameters need defaults, or are set by --set NAME=VALUE"
-    if "cannot assign to field" in str(error) or "cannot be changed" in str(error):
+    if any(text in str(error) for text in FROZEN):
         return said, FROZEN_ADVICE
     if view.target is None and _answers(subject, failure.memory, with_target(view)):
         return said, SEARCH_ADVICE
@@ -83,7 +84,7 @@ def with_target(view: View) -> View:
     def predict(xi_grid: tuple[float, ...]) -> tuple[NDArray[np.float64], str]:
         return np.array([estimate.position] * len(xi_grid)), "hold"
 
-    return replace(view, target=estimate, target_age_ticks=0, predict=predict, search=None)
+    return view._replace(target=estimate, target_age_ticks=0, predict=predict, search=None)
 
 
 def _answers(subject: Subject, memory: Any, view: View) -> bool:

@@ -96,23 +96,23 @@ def alterations(keys: list[str]) -> Iterator[tuple[str, str, Alter]]:
 
 def _alone(view: View) -> View:
     nobody = tuple([None] * len(view.team))
-    return replace(_unplanned(view), heard=(), seen=(), packets=nobody)
+    return _unplanned(view)._replace(heard=(), seen=(), packets=nobody)
 
 
 def _unplanned(view: View) -> View:
     """Alone among those that are planned with."""
     own = view.own
-    return replace(view, own=0, members=(view.members[own],), positions=(view.positions[own],))
+    return view._replace(own=0, members=(view.members[own],), positions=(view.positions[own],))
 
 
 def _twice(view: View) -> View:
-    return replace(view, heard=tuple([packet for p in view.heard for packet in (p, p)]))
+    return view._replace(heard=tuple([packet for p in view.heard for packet in (p, p)]))
 
 
 def _with_packets(view: View, change: Callable[[Pose], Pose | None]) -> View:
     heard = [change(packet) for packet in view.heard]
     packets = tuple([None if p is None else change(p) for p in view.packets])
-    return replace(view, heard=tuple([p for p in heard if p is not None]), packets=packets)
+    return view._replace(heard=tuple([p for p in heard if p is not None]), packets=packets)
 
 
 def _saying(change: Callable[[Any], Any]) -> Alter:

@@ -93,7 +93,7 @@ def found(name: str) -> tuple[Callable[..., Any] | None, CheckResult]:
         raise NoSuchPolicy(f"{name}: {error}") from None
     except PluginLoadError as error:
         if error.__cause__ is None:
-            if is_in_file(name):
+            if isinstance(error.__context__, FileProblem):
                 raise NoSuchPolicy(f"{error}{_nearest(name)}") from None
             return None, CheckResult("policy", "wrong", str(error), f"a policy is: {FORM}")
         return None, _not_imported(name, error.__cause__)
@@ -153,8 +153,6 @@ def form_problem(function: Any) -> tuple[str, str] | None:
 def _not_imported(name: str, cause: BaseException) -> CheckResult:
     """What is to be said of a file, or a plug-in, that raises when it is imported."""
     file = name.rpartition(":")[0]
-    if isinstance(cause, FileProblem):
-        return CheckResult("policy", "wrong", str(cause))
     if isinstance(cause, SyntaxError):
         where = f"{Path(cause.filename or file).name}, line {cause.lineno}"
         said = f"{where} cannot be read: {cause.msg}: {(cause.text or '').strip()}"
