@@ -38,6 +38,9 @@ SHIPPED_POLICIES = {
     "auction": f"{_POLICIES}.auction:auction",
     "hungarian-consensus": f"{_POLICIES}.hungarian_consensus:hungarian_consensus",
     "intents": f"{_POLICIES}.intents:intents",
+    "closed-ring": f"{_POLICIES}.closed_ring:closed_ring",
+    "voronoi": f"{_POLICIES}.voronoi:voronoi",
+    "group-chase": f"{_POLICIES}.group_chase:group_chase",
 }
 """Policies that every robot has, by name; a world knows them without looking for plug-ins."""
 OWN = "encircle"

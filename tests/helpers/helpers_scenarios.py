@@ -108,6 +108,7 @@ def _team(draws: Draws, count: int, radius_m: float) -> Tree:
 STRATEGIES = (
     *("xi-star", "xi-0", "xi-1", "xi-3", "pursuit"),
     *("auction", "hungarian-consensus", "intents"),
+    *("closed-ring", "voronoi", "group-chase"),
 )
 MOTIONS = ("holonomic", "unicycle")
 TEAM: dict[str, DrawnFigure] = {
