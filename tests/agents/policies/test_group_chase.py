@@ -74,7 +74,7 @@ def test_collisions_weigh_as_much_as_the_chase():
 
 
 def test_drag_between_robots_aligns_their_velocities():
-    # Out of each other's springs, only the drag is left of spread: a unit vector along its velocity.
+    # Out of each other's springs only the drag is left of spread, a unit vector along a velocity.
     seen = view([(0.0, 0.0), (0.0, 9.0)], target=(50.0, 0.0), steps=[(0.0, 0.0), (0.0, -0.2)])
     x, y = step_of(seen, spread=1.0, spread_m=5.0, chase_drag=0.0, spread_drag=0.1)
     assert (x, y) == pytest.approx((0.3 / sqrt(2.0), -0.3 / sqrt(2.0)))
