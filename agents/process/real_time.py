@@ -12,6 +12,7 @@ import time
 
 from encircle.agents.brain.real_time_core import RealTimeRobotCore
 from encircle.agents.brain.robot_core import RobotCore
+from encircle.agents.process.slow_decisions import SlowDecisions
 from encircle.protocol.codec import decode
 from encircle.protocol.connections import Connection
 from encircle.protocol.errors import ConnectionClosed, ProtocolError
@@ -32,7 +33,9 @@ def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
     return observation.sent_us is not None
 
 
-def answer(core: RobotCore, connection: Connection, first: tuple[str, bytes]) -> None:
+def answer(
+    core: RobotCore, connection: Connection, first: tuple[str, bytes], slow: SlowDecisions
+) -> None:
     """Answer until the run ends or the connection is closed. ``first``: the first observation."""
     connection.drop_when_congested()
     robot = RealTimeRobotCore(core)
@@ -56,7 +59,9 @@ def answer(core: RobotCore, connection: Connection, first: tuple[str, bytes]) ->
                     continues.put(core.ended is None)
             dropped, mail.dropped = mail.dropped, 0
             robot.count_dropped(dropped)
-            action = robot.decide() if core.ended is None else None
+            action = None
+            if core.ended is None:
+                action = slow.timed(robot.decide, core.setup.tick_s if core.setup else None)
             if action is not None:
                 _send(connection, robot.messages(action, now_us()))
             elif time.monotonic() >= stop_s and core.ended is None:

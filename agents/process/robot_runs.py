@@ -11,6 +11,7 @@ from pathlib import Path
 
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.process import real_time
+from encircle.agents.process.slow_decisions import SlowDecisions
 from encircle.protocol.connections import Connection
 from encircle.protocol.endings import is_failure
 from encircle.protocol.errors import ConnectionClosed
@@ -55,18 +56,24 @@ class RobotRuns:
 
     def _answer_in_run(self, connection: Connection) -> None:
         core, by_clock = self.core, None
+        slow = SlowDecisions(core, self._report_slow)
         try:
             while core.ended is None:
                 key, payload = connection.receive()
                 if by_clock is None:
                     by_clock = real_time.is_timed(core, key, payload)
                 if by_clock:
-                    real_time.answer(core, connection, (key, payload))
+                    real_time.answer(core, connection, (key, payload), slow)
                     return
-                for message in core.receive(key, payload):
+                for message in slow.timed(partial(core.receive, key, payload)):
                     connection.send(*message)
         except ConnectionClosed:
             pass
+        finally:
+            slow.conclude()
+
+    def _report_slow(self, line: str) -> None:
+        say_error(f"robot {self.core.robot}: {line}", kind=LineKind.EVENT)
 
     def _report_failure(self, failed: PluginFailed) -> None:
         line = f"robot {failed.who}: {failure_line(failed, self._tracebacks)}"

@@ -76,7 +76,8 @@ class Display:
             self._say(f"processes: {pids}")
         elif "departure" in report:
             tick, robot, what = report["departure"]
-            self._say(f"tick {tick}: robot {robot} is {what}")
+            policy = f" ({report['policy']})" if "policy" in report else ""
+            self._say(f"tick {tick}: robot {robot} is {what}{policy}")
         elif "log" in report:
             self._say(report["log"])
 

@@ -280,7 +280,8 @@ class _Launch:
             text = printable(text)
             if len(kept) < ERROR_LINES_MAX:
                 kept.append((kind, text))
-                if kind is LineKind.REFUSAL:
+                # What happens to robots the world reports, but not what happens in them.
+                if kind is LineKind.REFUSAL or (kind is LineKind.EVENT and name != "world"):
                     self.report({"log": text})
 
     def stopped(self) -> RunFailed:

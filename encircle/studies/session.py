@@ -36,6 +36,7 @@ from encircle.studies.sources import versions
 from encircle.studies.tasks import FAILED, Row, Task, failed_row, result_row, run_seed
 from encircle.studies.workers import StudyFailed
 from encircle.world.arena.engine import Arena, build
+from encircle.world.coordinator.failure_detector import policies_of
 from encircle.world.coordinator.round_engine import RoundEngine
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.loading.load import load
@@ -233,8 +234,12 @@ class Session:
     def _act_on(self, progress: Progress, rounds: RoundEngine) -> None:
         match progress:
             case Overdue(answer_s_max):
-                names, tick = ", ".join(rounds.table.waiting()), rounds.state.tick
-                self._failure = f"no answer from {names} for {answer_s_max:g} s at tick {tick}"
+                silent, tick = rounds.table.waiting(), rounds.state.tick
+                policies = policies_of(rounds.arena.scenario, silent)
+                self._failure = (
+                    f"no answer from {', '.join(silent)} for {answer_s_max:g} s at tick {tick}"
+                    f" ({policies})"
+                )
             case StillWaiting():
                 with contextlib.suppress(ConnectionClosed):
                     send(self._connection, rounds.unanswered())

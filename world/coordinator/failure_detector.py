@@ -18,6 +18,7 @@ from encircle.world.coordinator.outgoing import Outgoing
 from encircle.world.coordinator.real_time_core import RealTimeWorldCore
 from encircle.world.coordinator.result import END, GO_ON
 from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.scenario.model import Scenario
 
 GRACE_REMINDERS = 2
 """A message of a robot whose token is gone counts as sent before that, for so many reminders."""
@@ -25,6 +26,12 @@ GRACE_REMINDERS = 2
 
 class RunCannotContinue(Exception):
     """The run cannot go on; the message says why."""
+
+
+def policies_of(scenario: Scenario, robots: Sequence[str]) -> str:
+    """By which policies robots decide, as in ``policy 'xi-star'``: who is silent may be slow."""
+    names = list(dict.fromkeys(repr(scenario.strategy_of(robot)) for robot in robots))
+    return f"{'policy' if len(names) == 1 else 'policies'} {', '.join(names)}"
 
 
 class FailureDetector:
@@ -167,10 +174,13 @@ class FailureDetector:
         newly_lost = [robot for robot in robots if robot not in self._lost]
         if not newly_lost:
             return []
+        reason = f"{reason} at tick {core.state.tick}"
+        is_silent = cause is DepartureCause.NO_ANSWER
+        policies = f" ({policies_of(core.arena.scenario, robots)})" if is_silent else ""
         if self._when_lost == END:
-            raise RunCannotContinue(f"{reason} at tick {core.state.tick}")
+            raise RunCannotContinue(reason + policies)
         if {*lost_before, *newly_lost} == {*core.arena.ids}:
-            raise RunCannotContinue(f"{reason} at tick {core.state.tick}, and no robot is left")
+            raise RunCannotContinue(f"{reason}, and no robot is left{policies}")
         outgoing = []
         for robot in newly_lost:
             self._lost.add(robot)

@@ -5,11 +5,13 @@ world asks such a robot for its version (its node information), and says so if i
 """
 
 import asyncio
+from typing import Any
 
 from encircle.protocol import VERSION
 from encircle.protocol.keys import robot_key
 from encircle.protocol.process.log import LineKind, say_error
 from encircle.protocol.zenoh.connection import ZenohConnection
+from encircle.world.coordinator.failure_detector import policies_of
 from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.round_engine import RoundEngine
 from encircle.world.process.reports import Reporter
@@ -29,6 +31,7 @@ class DepartureReports:
         query_s_max: float,
     ) -> None:
         self._run = rounds.run
+        self._scenario = rounds.arena.scenario
         self._departures = rounds.departures
         self._connection = connection
         self._report = report
@@ -42,9 +45,15 @@ class DepartureReports:
             departure = self._departures[self._reported]
             self._reported += 1
             tick, robot, text = departure.row
-            self._report({"departure": [tick, robot, text]})
-            say_error(f"world: tick {tick}: robot {robot} is {text}", kind=LineKind.EVENT)
-            if departure.cause is DepartureCause.NO_ANSWER:
+            report: dict[str, Any] = {"departure": [tick, robot, text]}
+            line = f"world: tick {tick}: robot {robot} is {text}"
+            is_silent = departure.cause is DepartureCause.NO_ANSWER
+            if is_silent:
+                report["policy"] = policies_of(self._scenario, (robot,))
+                line += f" ({report['policy']})"
+            self._report(report)
+            say_error(line, kind=LineKind.EVENT)
+            if is_silent:
                 self._version_checks[robot] = asyncio.create_task(
                     asyncio.to_thread(self._check_version, robot)
                 )

@@ -16,6 +16,7 @@ import encircle
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.process.real_time import answer
 from encircle.agents.process.robot_runs import RobotRuns
+from encircle.agents.process.slow_decisions import SlowDecisions
 from encircle.network.recorded_ledger import ledger_of
 from encircle.protocol import mailbox
 from encircle.protocol.codec import decode, encode
@@ -158,7 +159,7 @@ class Robot:
         self.core.receive(robot_key(RUN, "r1", "setup"), encode(setup, RUN))
         seen = Observation("r1", 0, (4.0, 0.0), 0.0, None, (6.0,) * 8, (), (), sent_us=1)
         first = robot_key(RUN, "r1", "observation"), encode(seen, RUN)
-        arguments = (self.core, self.connection, first)
+        arguments = (self.core, self.connection, first, SlowDecisions(self.core, print))
         self.thread = threading.Thread(target=answer, args=arguments, daemon=True)
         self.thread.start()
 

@@ -236,7 +236,8 @@ def test_without_any_robot_left_the_run_ends():
     for robot in ("r3", "r1"):
         roll.token_vanished(robot)
     with pytest.raises(
-        RunCannotContinue, match="no answer from r2, r4 for 3 s at tick 0, and no robot is l"
+        RunCannotContinue,
+        match=r"no answer from r2, r4 for 3 s at tick 0, and no robot is left \(policy 'xi-star'\)$",
     ):
         roll.answer_overdue(0, 3.0)
     roll.token_vanished("r4")
