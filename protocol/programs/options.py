@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
+from encircle.protocol.plugin_files import FOLDERS
 from encircle.protocol.process.log import printable
 from encircle.protocol.programs.option_values import yes_or_no
 from encircle.protocol.suggestions import did_you_mean
@@ -205,8 +206,15 @@ class Options:
 
 
 def without_settings(environment: Mapping[str, str]) -> dict[str, str]:
-    """An environment for processes that get everything by their command line."""
-    return {name: value for name, value in environment.items() if not name.startswith(PREFIX)}
+    """An environment for processes that get everything by their command line.
+
+    The folders in which policies lie are no option: every process looks there for itself.
+    """
+    return {
+        name: value
+        for name, value in environment.items()
+        if not name.startswith(PREFIX) or name == FOLDERS
+    }
 
 
 def endpoints_of(

@@ -106,8 +106,9 @@ def test_the_help_names_every_variable(options, capsys):
     assert all(variable in said for variable in ALL)
 
 
-def test_processes_that_get_all_by_command_line_inherit_no_variable():
-    assert without_settings(ALL | {"HOME": "/tmp"}) == {"HOME": "/tmp"}
+def test_processes_that_get_all_by_command_line_inherit_no_option_but_where_policies_lie():
+    others = {"HOME": "/tmp", "ENCIRCLE_POLICIES": "/robots"}
+    assert without_settings(ALL | others) == others
 
 
 def test_certificates_are_those_of_the_node_or_of_a_viewer(options, tmp_path):
