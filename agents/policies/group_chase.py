@@ -1,10 +1,10 @@
 """Group chase: predicted pursuit, with soft repulsion that spreads the chasers around the prey.
 
-A robot at x_i with velocity v_i, the target at x_e with v_e, and s the robot's full speed. Each
-robot adds three unit vectors, N(.) = . / |.|, and goes that way, at full speed at most:
+A robot at x_i with velocity v_i, the target at x_e with v_e; s is the robot's full speed, B its
+diameter. Each robot adds three unit vectors, N(.) = . / |.|, and goes that way at full speed:
 
-    chase     N( r / |r| + c_e (v_e - v_i) / (s |x_e - x_i|^2) ),   r = x_e + v_e T - x_i
-    spread    N( sum_j (R - d_ij)+ (x_i - x_j) / d_ij + c_r (v_j - v_i) / (s d_ij^2) )
+    chase     N( r / |r| + c_e (B / |x_e - x_i|)^2 (v_e - v_i) / s ),   r = x_e + v_e T - x_i
+    spread    N( sum_j (R - d_ij)+ (x_i - x_j) / d_ij + c_r (B / d_ij)^2 (v_j - v_i) / s )
     collision N( sum_j (D - d_ij)+ (x_i - x_j) / d_ij )
 
     step = s N( chase + ``spread`` spread + collision )
@@ -16,11 +16,11 @@ part of its own; it makes a group that goes after one target surround it. Both s
 gradients of the potential sum_j (R - d_ij)+^2 / 2. The collision term acts within D = ``near_m``.
 
 Source: Janosov, Viragh, Vasarhelyi, Vicsek, "Group chasing tactics: how to catch a faster prey",
-New J. Phys. 19 (2017) 053003, arXiv 1701.00284: prediction, soft repulsion, viscous alignment,
-tuned for a prey up to twice as fast in a closed arena. Delay, noise and limited acceleration, parts
-of its model of flight, are the world's business here; the arena has no wall, so its wall term is
-left out; the coefficients are in m^2, with velocities in units of the robot's own full speed. The
-numbers are our own, for bodies of this size, since the source's arena is of another.
+New J. Phys. 19 (2017) 053003, arXiv 1701.00284; the terms are those of its chasers as public
+re-implementations have them. There a chaser alone captures, a much faster prey, in a closed arena.
+Delay, noise and limited acceleration, parts of its model of flight, are the world's business here,
+and there is no wall, so no term for it. Lengths and speeds in the drag are in bodies and in full
+speeds, which makes c_e and c_r plain numbers. All numbers are our own, tuned coarsely for captures.
 """
 
 from collections.abc import Iterable
@@ -32,31 +32,28 @@ from encircle.agents.policies.interface import Decision, View
 from encircle.protocol.messages import Point
 from encircle.protocol.parameters import LengthOrZero, Meaning, Range, Unit
 
-NEAREST_M = 0.1
-"""No drag is stronger than at this distance; bodies are farther apart, beliefs may not be."""
-
 Seconds = Annotated[float, Range(0.0, 60.0), Unit("s")]
 Weight = Annotated[float, Range(0.0, 100.0)]
-Area = Annotated[float, Range(0.0, 1e4), Unit("m^2")]
 
 
 def group_chase(
     memory: None,
     view: View,
     *,
-    predict_s: Annotated[Seconds, Meaning("The target is predicted no farther ahead.")] = 2.0,
+    predict_s: Annotated[Seconds, Meaning("The target is predicted no farther ahead.")] = 3.0,
     spread: Annotated[Weight, Meaning("The weight of spread against that of chase.")] = 0.5,
-    spread_m: Annotated[LengthOrZero, Meaning("Robots nearer than this repel each other.")] = 4.0,
+    spread_m: Annotated[LengthOrZero, Meaning("Robots nearer than this repel each other.")] = 9.0,
     near_m: Annotated[LengthOrZero, Meaning("Robots nearer than this avoid each other.")] = 1.2,
-    chase_drag: Annotated[Area, Meaning("c_e, alignment with the target.")] = 0.1,
-    spread_drag: Annotated[Area, Meaning("c_r, alignment with the other robots.")] = 0.1,
+    chase_drag: Annotated[Weight, Meaning("c_e, alignment with the target.")] = 0.1,
+    spread_drag: Annotated[Weight, Meaning("c_r, alignment with the other robots.")] = 0.1,
 ) -> tuple[None, Decision]:
     """The sum of chase, spread and collision, at full speed."""
     target, parameters = view.target, view.parameters
     if target is None:
         assert view.search is not None, "without an estimate there is a search"
         return memory, view.search
-    own, full_m = view.position, parameters.step_m_max
+    own, full_m, peers = view.position, parameters.step_m_max, view.peers
+    body_m = 2.0 * parameters.radius_m
     full_mps = full_m / view.tick_s
     velocity = (view.last_step[0] / full_m, view.last_step[1] / full_m)
     gap_m = hypot(target.x - own[0], target.y - own[1])
@@ -64,15 +61,15 @@ def group_chase(
     goal = (target.x + ahead_s * target.vx, target.y + ahead_s * target.vy)
     chase_x, chase_y = _unit(goal[0] - own[0], goal[1] - own[1])
     drag_x, drag_y = _drag(
-        velocity, (target.vx / full_mps, target.vy / full_mps), gap_m, chase_drag
+        velocity, (target.vx / full_mps, target.vy / full_mps), gap_m, body_m, chase_drag
     )
     chase = _unit(chase_x + drag_x, chase_y + drag_y)
-    places = [peer.position for peer in view.peers]
+    places = [peer.position for peer in peers]
     spread_x, spread_y = soft_repulsion(own, places, spread_m)
-    for peer in view.peers:
+    for peer in peers:
         distance = hypot(peer.position[0] - own[0], peer.position[1] - own[1])
         theirs = (peer.velocity[0] / full_mps, peer.velocity[1] / full_mps)
-        drag_x, drag_y = _drag(velocity, theirs, distance, spread_drag)
+        drag_x, drag_y = _drag(velocity, theirs, distance, body_m, spread_drag)
         spread_x, spread_y = spread_x + drag_x, spread_y + drag_y
     apart = _unit(spread_x, spread_y)
     collision = _unit(*soft_repulsion(own, places, near_m))
@@ -95,9 +92,9 @@ def soft_repulsion(own: Point, others: Iterable[Point], range_m: float) -> Point
     return x, y
 
 
-def _drag(velocity: Point, theirs: Point, distance_m: float, area_m2: float) -> Point:
+def _drag(velocity: Point, theirs: Point, distance_m: float, body_m: float, drag: float) -> Point:
     """The viscous part: what aligns ``velocity`` with ``theirs``, both in full speeds."""
-    strength = area_m2 / max(distance_m, NEAREST_M) ** 2
+    strength = (body_m / max(distance_m, body_m)) ** 2 * drag
     return strength * (theirs[0] - velocity[0]), strength * (theirs[1] - velocity[1])
 
 

@@ -1,6 +1,5 @@
 """Closed ring: the slack it maximises by brute force, when it is closed by theory, and hunts."""
 
-from dataclasses import replace
 from math import asin, atan2, cos, hypot, pi, sin
 
 import numpy as np
@@ -29,7 +28,7 @@ def placed(ring):
 def view(positions, own=0, velocity=(3.0, 0.0)):
     """A view of a target at the origin that runs at 3 m/s, a robot's full speed."""
     seen = view_of(positions, own, (0.0, 0.0), lambda grid: pytest.fail("it predicts nothing"))
-    return replace(seen, target=Estimate(0.0, 0.0, *velocity, (1e-4, 0.0, 1.0)))
+    return seen._replace(target=Estimate(0.0, 0.0, *velocity, (1e-4, 0.0, 1.0)))
 
 
 def decided(seen, memory=None, **parameters):

@@ -1,6 +1,5 @@
 """Group chase: each of its three parts by hand, and the springs as gradients of their potential."""
 
-from dataclasses import replace
 from math import hypot, sqrt
 
 import pytest
@@ -33,7 +32,7 @@ def view(positions, own=0, target=(10.0, 0.0), velocity=(0.0, 0.0), steps=None):
         known=known,
         packets=(None,) * len(positions),
     )
-    return replace(seen, target=Estimate(*target, *velocity, (1e-4, 0.0, 1.0)))
+    return seen._replace(target=Estimate(*target, *velocity, (1e-4, 0.0, 1.0)))
 
 
 def step_of(seen, **parameters):
