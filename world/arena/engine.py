@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.protocol.messages import Observation, State
+from encircle.protocol.messages import Observation, Point, State
 from encircle.world.arena import collisions, dynamics, localisation, placement, sensing
 from encircle.world.arena.capture import is_captured
 from encircle.world.arena.dynamics import quantised
@@ -109,9 +109,12 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
         for inbox, arrives in zip(inboxes, links.T.tolist(), strict=True):
             inbox += compress(packets, arrives)  # type: ignore[arg-type]  # None never flies
     noise_m_std = arena.scenario.sensing.noise_m_std
-    detected = sensing.detected(state.positions[count], noise_m_std, arena.seed, tick, count)
-    shifts = localisation.errors(arena.scenario, arena.seed, tick, state.drift)
-    told = localisation.told(state.positions[:count], detected, shifts)
+    targets = sensing.detected(state.positions[count], noise_m_std, arena.seed, tick, count)
+    positions: list[Point] = [tuple(p) for p in state.positions[:count].tolist()]
+    told = [positions] * count
+    errors = localisation.errors(arena.scenario, arena.seed, tick, state.drift)
+    if errors is not None:
+        targets, told = localisation.shifted(targets, positions, errors)
     visible = state.visible[:count].tolist()
     scans = state.scans.tolist()
     headings = state.headings.tolist()
@@ -119,11 +122,11 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
         Observation(
             robot,
             tick,
-            told[i].robots[i],
+            told[i][i],
             headings[i],
-            told[i].target if visible[i][count] else None,
+            targets[i] if visible[i][count] else None,
             tuple(scans[i]),
-            tuple([(arena.ids[k], *told[i].robots[k]) for k in range(count) if visible[i][k]]),
+            tuple([(arena.ids[k], *told[i][k]) for k in range(count) if visible[i][k]]),
             tuple(inboxes[i]),
             tuple(lost),
         )

@@ -13,8 +13,8 @@ the target's and those of robots in sight, is shifted by one error, in whole qua
 between them stays as it is. Headings are exact, and so are the directions of the scan's rays.
 """
 
+from collections.abc import Sequence
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,26 +54,12 @@ def errors(scenario: Scenario, seed: int, tick: int, drift: Floats | None) -> Fl
     return quantised(noise if drift is None else noise + drift)
 
 
-class Told(NamedTuple):
-    """Where one robot is told that the target is, were it to detect it, and all robots; in m."""
+def shifted(
+    targets: Sequence[Point], positions: Sequence[Point], errors: Floats
+) -> tuple[list[Point], list[list[Point]]]:
+    """Each robot's detection, and N times where all robots are as it is told, shifted by its error.
 
-    target: Point
-    robots: list[Point]
-
-
-def told(positions: Floats, detected: Floats, shifts: Floats | None) -> list[Told]:
-    """What each robot is told, from all robots' true ``positions`` and own detections, (N, 2) in m.
-
-    ``shifts``: (N, 2) the errors of their own positions, None if these are exact.
+    ``targets``: what each detects, ``positions``: where they are, ``errors``: (N, 2); all in m.
     """
-    if shifts is None:
-        robots = _points(positions)
-        return [Told(target, robots) for target in _points(detected)]
-    return [
-        Told(target, _points(positions + shift))
-        for target, shift in zip(_points(detected + shifts), shifts, strict=True)
-    ]
-
-
-def _points(positions: Floats) -> list[Point]:
-    return [tuple(p) for p in positions.tolist()]
+    detected = [(x + dx, y + dy) for (x, y), (dx, dy) in zip(targets, errors.tolist(), strict=True)]
+    return detected, [[(x + dx, y + dy) for x, y in positions] for dx, dy in errors.tolist()]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from encircle.protocol.messages import Point
 from encircle.world.arena.dynamics import quantised
 from encircle.world.random_streams import Purpose, normal_pairs
 
@@ -105,13 +106,12 @@ def scan(
 
 def detected(
     target: NDArray[np.float64], noise_m_std: float, seed: int, tick: int, count: int
-) -> NDArray[np.float64]:
-    """(N, 2) where each of N robots detects the target at ``target`` (2,), in m, were it in sight.
+) -> list[Point]:
+    """Where each of N robots takes the target at ``target`` (2,) to be, in m, were it in sight.
 
-    Each with noise of its own, whose deviation per axis is ``noise_m_std``.
+    Each with noise of its own, of that standard deviation per axis.
     """
-    exact = target[None].repeat(count, axis=0)
     if noise_m_std == 0.0:
-        return exact
+        return [tuple(target.tolist())] * count
     noise = noise_m_std * normal_pairs(seed, Purpose.DETECTION_NOISE, tick, count)
-    return quantised(exact + noise)
+    return [tuple(p) for p in quantised(target + noise).tolist()]

@@ -204,6 +204,18 @@ def test_starts_are_labelled_in_trajectories(runs, shown, tmp_path):
     assert [t.xy for t in labels] == [(-5.0, -1.0), (-6.0, 7.0), (9.0, -6.0), (0.0, 0.0)]
 
 
+def test_each_robots_sensing_range_is_its_own(shown, tmp_path):
+    out, own = tmp_path / "run", ["team.robots.r2.sensing_range_m=2", "ticks_max=2"]
+    run("sim1", link="memory", out=out, overrides=own)
+    draw_snapshots(read_recording(out), [0, 0, 1, 2], tmp_path / "s.png")
+    starts = ground_truth_of(read_recording(out)).robots[0]
+    axes = shown[0].axes[0]
+    assert circles(axes, 2.0) == [pytest.approx(starts[1])]
+    # The target's is 6 m too.
+    assert len(circles(axes, 6.0)) == 4
+    np.testing.assert_allclose(circles(axes, 6.0)[:3], starts[[0, 2, 3]])
+
+
 def test_snapshots_show_trails_up_to_their_ticks(runs, shown, tmp_path):
     recording = read_recording(runs("sim1"))
     ground_truth = ground_truth_of(recording)
