@@ -48,7 +48,7 @@ def closed_ring(
     front_share: Annotated[
         Share, Meaning("Of a step, what may go aside in the target's way.")
     ] = 0.99,
-    behind_share: Annotated[Share, Meaning("Of a step, what may go aside elsewhere.")] = 0.71,
+    behind_share: Annotated[Share, Meaning("Of a step, what may go aside elsewhere.")] = 0.9,
     far_m: Annotated[LengthOrZero, Meaning("Beyond it less of a step goes aside.")] = 5.5,
     hold_m: Annotated[LengthOrZero, Meaning("No nearer than this while the ring is open.")] = 4.0,
     lead_m: Annotated[LengthOrZero, Meaning("Nor nearer than the team's mean less this.")] = 0.5,
