@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import robot_key
-from encircle.protocol.messages import Observation, Radio, State
+from encircle.protocol.messages import Observation, Pose, Radio, State
 from encircle.world.arena import engine
 from encircle.world.channel.channel import CAUSES
 from encircle.world.coordinator.world_core import WorldCore
@@ -147,11 +147,14 @@ def disturbed(at, robot, **changes):
                 where = robot_key(RUN, robot, channel)
                 kind = type(message(robot, tick))
                 said = decode(kind, sent[where], RUN)
-                known = {n: v for n, v in changes.items() if hasattr(said, n)}
+                # A pose's estimate is no point, as that of a command is: it would be refused.
+                own = set(kind.__slots__) - ({"estimate"} if kind is Pose else set())
+                known = {n: v for n, v in changes.items() if n in own}
                 fields = {n: getattr(said, n) for n in kind.__slots__} | known
                 sent[where] = encode(kind(**fields), RUN)
         for where, payload in sent.items():
             core.receive(where, payload)
+        assert core.ended or core.state.tick == tick + 1, f"refused: {core.rounds.refused}"
     return core.rounds.result().digest
 
 
