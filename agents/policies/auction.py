@@ -2,8 +2,7 @@
 
 Theory. CBAA, the consensus-based auction algorithm (Choi, Brunet, How, "Consensus-Based
 Decentralized Auctions for Robust Task Allocation", IEEE Transactions on Robotics 25(4), 2009, Sec.
-III). Robot i could take point j at the cost c_ij, here its distance to it; what the paper calls a
-score is -c_ij.
+III). Point j costs robot i c_ij (the paper's scores are -c_ij).
 
 1. Auction. A robot without a point bids for the cheapest of those it would win,
        j* = argmin over j with (c_ij, i) < (y_j, z_j) of c_ij,
@@ -22,32 +21,36 @@ point for good (r - 2) D rounds on at the latest, and r knows that D rounds late
 asks that messages come in order, once, or soon; when losses stop, n D more rounds suffice. With
 scores L - c_ij >= 0 the sum of scores is at least half of the best one.
 
-Asynchronous rules. Robots and target move, so bids have to change, also to worse. CBAA keeps one
-(bid, winner) per point, of which the better counts; ACBBA (Johnson, Ponda, Choi, How, AIAA GNC
-2010) adds times and a table of rules. Here each robot's newest bid is kept instead, with the tick
-at which it was made, and y_j, z_j follow from these. The rules come to the same and to less: of
-two bids by one robot the newer counts, be it the worse one; of two robots the better bid; a bid
-elsewhere takes the old one back, so there is nothing to reset; and nobody else changes a robot's
-own bid.
+Costs. By ``distance``, c_ij = d_ij, the way, which is usual for robots. Then a robot that stands
+at its point cannot be outbid, the front is left to whoever is farthest behind, and a fleeing
+target that it can hardly overtake gets away. By ``projection``, c_ij = -p_i . u_j for the robot's
+position p_i from the target and the point's direction u_j: who stands out farthest in a direction
+gets it, and who is near, and soon round, goes elsewhere. Since d_ij^2 = |p_i|^2 + rho^2 - 2 rho
+p_i . u_j, the least sum of these costs is the least sum of squared ways.
 
-Bids age: a robot bids anew when its bid is ``rebid_ticks`` old, at its present distances, on the
-best point that it would win. Between these it changes only when outbid. When the number of robots
-present changes, bids for a ring of another size count no more, and the auction begins again. A
-robot that is lost leaves the ring at once for those that planned with it, and
-``bid_age_ticks_max`` after its last bid for those that knew of it through others (which must be
-more than ``rebid_ticks`` and the ways round); one that is back bids as if new, and its newer bid
-replaces the old one.
+Asynchronous rules. Robots and target move, so bids change, also to worse. CBAA keeps one (bid,
+winner) per point, of which the better counts; ACBBA (Johnson, Ponda, Choi, How, AIAA GNC 2010)
+adds times and a table of rules. Here each robot's newest bid is kept instead, with its tick, and
+y_j, z_j follow from these. The rules come to less: of two bids by one robot the newer counts, be
+it the worse one; of two robots the better bid; a bid elsewhere takes the old one back, so nothing
+has to be reset; and nobody else changes a robot's own bid.
 
-Only who takes which point is negotiated. The ring stands still in the world's directions
-(``negotiation.fixed_ring``), xi* is Eq. 2-3's over the points that are bid for, and the robots
-shrink a closed ring as the paper has it.
+Bids age: a robot bids anew when its bid is ``rebid_ticks`` old, for the best point that it would
+win from where it is. Between these it changes only when outbid. When the number of robots present
+changes, bids for a ring of another size count no more, and the auction begins again. A robot that
+is lost leaves the ring at once for those that planned with it, and ``bid_age_ticks_max`` after its
+last bid for those that knew of it through others (more than ``rebid_ticks`` and the ways round);
+one that is back bids as if new, and its newer bid replaces the old one.
 
-Payload: ``bids``, for each robot [index, tick, number of points, point, distance in mm].
+Only who takes which point is negotiated. The ring is ``negotiation.fixed_ring``, xi* is Eq. 2-3's
+over the points that are bid for, and the robots shrink a closed ring as the paper has it.
+
+Payload: ``bids``, for each robot [index, tick, number of points, point, cost in mm].
 """
 
 from collections.abc import Mapping
 from math import hypot
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from encircle.agents.policies.interface import Decision, View
 from encircle.agents.policies.negotiation import (
@@ -64,9 +67,12 @@ from encircle.agents.policies.negotiation import (
 from encircle.agents.policies.paper import known_target, shrink
 from encircle.protocol.parameters import Meaning, Range, Unit
 
+FREE = (MM_MAX + 1, 0)
+"""The price of a point that nobody bids for."""
+
 
 class Bid(NamedTuple):
-    """A robot's bid at a tick: for a point of a ring of so many, its distance to it in mm."""
+    """A robot's bid at a tick: for a point of a ring of so many, what it costs it, in mm."""
 
     tick: int
     points: int
@@ -78,11 +84,12 @@ def auction(
     memory: Entries | None,
     view: View,
     *,
+    cost: Annotated[
+        Literal["projection", "distance"],
+        Meaning("What bids are by: who stands out farthest that way, or who is nearest, gets it."),
+    ] = "projection",
     rebid_ticks: Annotated[
-        int,
-        Range(1, 1000),
-        Unit("ticks"),
-        Meaning("A bid of this age is made anew, at the distances of that tick."),
+        int, Range(1, 1000), Unit("ticks"), Meaning("A bid of this age is made anew.")
     ] = 5,
     bid_age_ticks_max: Annotated[
         int,
@@ -93,7 +100,7 @@ def auction(
 ) -> tuple[Entries, Decision]:
     """Robots bid for the points of a ring and pass bids on: a consensus-based auction (CBAA).
 
-    Who is nearest to a point gets it; bids carry ticks, so that late and lost ones do no harm.
+    Bids carry ticks, so that late and lost ones do no harm.
     """
     own = own_index(view)
     bids = newest_entries(memory, view, "bids", 3, bid_age_ticks_max)
@@ -101,48 +108,35 @@ def auction(
         bids.pop(own, None)
         return bids, view.search._replace(say=say_entries(bids, view, "bids"))
     count = len(present(view, bids))
-    rivals = {
-        robot: Bid(*bid)
-        for robot, bid in bids.items()
-        if robot != own and bid[1] == count and 0 <= bid[2] < count
-    }
+    valid = {r: b for r, b in bids.items() if b[1] == count and 0 <= b[2] < count}
+    known = {robot: Bid(*bid) for robot, bid in valid.items()}
     prices: dict[int, tuple[int, int]] = {}
-    for robot, bid in rivals.items():
-        prices[bid.point] = min(prices.get(bid.point, FREE), (bid.cost_mm, robot))
-    held = Bid(*bids[own]) if own in bids else None
-    if held is None or not _stands(held, own, view.tick, count, prices, rebid_ticks):
-        held = _best_bid(view, own, count, prices)
-        bids[own] = held
-    chosen = {own: held.point} | {robot: bid.point for robot, bid in rivals.items()}
+    for robot, bid in known.items():
+        if robot != own:
+            prices[bid.point] = min(prices.get(bid.point, FREE), (bid.cost_mm, robot))
+    held = known.get(own)
+    if (
+        held is None
+        or view.tick - held.tick >= rebid_ticks
+        or (held.cost_mm, own) > prices.get(held.point, FREE)
+    ):
+        bids[own] = known[own] = _best_bid(view, count, prices, cost)
     ring = fixed_ring(count, view.parameters.ring_radius_m)
+    chosen = {robot: bid.point for robot, bid in known.items()}
     decision = shrink(view) or head_for(view, ring, chosen)
     return bids, decision._replace(say=say_entries(bids, view, "bids"))
 
 
-FREE = (MM_MAX + 1, 0)
-"""The price of a point that nobody bids for."""
-
-
-def _stands(
-    held: Bid,
-    own: int,
-    tick: int,
-    count: int,
-    prices: Mapping[int, tuple[int, int]],
-    rebid_ticks: int,
-) -> bool:
-    """Whether this robot's bid is young, for the ring of today, and the best at its point."""
-    if held.points != count or tick - held.tick >= rebid_ticks:
-        return False
-    return (held.cost_mm, own) < prices.get(held.point, FREE)
-
-
-def _best_bid(view: View, own: int, count: int, prices: Mapping[int, tuple[int, int]]) -> Bid:
-    """A bid for the nearest of the points that this robot would win; ties to the first point."""
-    (target_x, target_y), (x, y) = known_target(view), view.position
-    dx, dy = target_x - x, target_y - y
-    ring = fixed_ring(count, view.parameters.ring_radius_m)
-    costs = [millimetres(hypot(dx + ring_x, dy + ring_y)) for ring_x, ring_y in ring.tolist()]
+def _best_bid(view: View, count: int, prices: Mapping[int, tuple[int, int]], cost: str) -> Bid:
+    """A bid for the cheapest of the points that this robot would win; ties to the first point."""
+    own, (x, y), (target_x, target_y) = own_index(view), view.position, known_target(view)
+    x, y = x - target_x, y - target_y
+    radius_m = view.parameters.ring_radius_m
+    ring = fixed_ring(count, radius_m).tolist()
+    if cost == "distance":
+        costs = [millimetres(hypot(x - ring_x, y - ring_y)) for ring_x, ring_y in ring]
+    else:
+        costs = [millimetres(-(x * ring_x + y * ring_y) / radius_m) for ring_x, ring_y in ring]
     winnable = [j for j in range(count) if (costs[j], own) < prices.get(j, FREE)]
     point = min(winnable, key=costs.__getitem__)
     return Bid(view.tick, count, point, costs[point])

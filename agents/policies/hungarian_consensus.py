@@ -33,10 +33,13 @@ the target. With everyone agreed that turning ring can run away from them: where
 is assigned the point next to it, the ring turns as this robot goes there, and with it the point.
 In Algorithm 1 small disagreements end that.
 
+With ``say_rows`` off the robots say nothing, and each solves the problem for where it believes the
+others to be: implicit coordination on the same ring, to be compared with.
+
 Payload: ``rows``, for each robot [index, tick, x, y], the ray in mm.
 """
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -71,16 +74,20 @@ def hungarian_consensus(
         Unit("ticks"),
         Meaning("What was said longer ago counts only if its robot is planned with."),
     ] = 20,
+    say_rows: Annotated[
+        bool,
+        Meaning("Whether robots say rows; if not, each goes by where it believes all to be."),
+    ] = True,
 ) -> tuple[Entries, Decision]:
     """Robots pass on where each says that it is, and all solve the same assignment (DHBA).
 
     The sum of their ways to the points of a ring is least, once all have heard of all.
     """
     own = own_index(view)
-    rows = newest_entries(memory, view, "rows", 2, row_age_ticks_max)
+    rows = newest_entries(memory, view, "rows", 2, row_age_ticks_max) if say_rows else {}
     if view.search is not None:
         rows.pop(own, None)
-        return rows, view.search._replace(say=say_entries(rows, view, "rows"))
+        return rows, view.search._replace(say=_said(rows, view, say_rows))
     target_x, target_y = known_target(view)
     believed = {
         robot: (x - target_x, y - target_y)
@@ -95,4 +102,8 @@ def hungarian_consensus(
     assigned = assign(np.array([rays[robot] for robot in robots]), ring[None])[0][0].tolist()
     chosen = dict(zip(robots, assigned, strict=True))
     decision = shrink(view) or head_for(view, ring, chosen)
-    return rows, decision._replace(say=say_entries(rows, view, "rows"))
+    return rows, decision._replace(say=_said(rows, view, say_rows))
+
+
+def _said(rows: Entries, view: View, say_rows: bool) -> dict[str, Any] | None:
+    return say_entries(rows, view, "rows") if say_rows else None

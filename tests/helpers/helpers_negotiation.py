@@ -167,6 +167,12 @@ def costs_mm(positions: Sequence[Point], target: Point = (0.0, 0.0)) -> list[lis
     return [[round(1000 * hypot(x - px, y - py)) for px, py in ring] for x, y in positions]
 
 
+def costs_by_projection(positions: Sequence[Point]) -> list[list[int]]:
+    """How far each robot stands out in each point's direction from the origin, in mm, negative."""
+    bearings = [2 * pi * k / len(positions) for k in range(len(positions))]
+    return [[round(-1000 * (x * cos(b) + y * sin(b))) for b in bearings] for x, y in positions]
+
+
 def diameter(count: int, links: Iterable[tuple[int, int]]) -> int:
     """The longest of the shortest ways between two robots, in links (Floyd and Warshall)."""
     away = [[0 if a == b else count for b in range(count)] for a in range(count)]

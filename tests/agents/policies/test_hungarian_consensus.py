@@ -122,6 +122,17 @@ def test_who_has_said_no_ray_is_where_it_is_believed_to_be():
     assert is_best(positions, team.run(1))
 
 
+def test_robots_that_say_nothing_go_by_where_they_believe_the_others_to_be():
+    positions = [(6.0, 0.0), (5.0, 0.0), (-6.0, 0.0)]
+    policy = partial(hungarian_consensus, say_rows=False)
+    team = Negotiation(policy, positions, all_links(3))
+    assert is_best(positions, team.run(1))
+    team.positions = [positions[2], positions[1], positions[0]]
+    # Nothing has to be renewed or spread.
+    assert is_best(team.positions, team.step())
+    assert not any(decision.say for decision in team.decisions)
+
+
 def test_a_robot_that_has_lost_the_target_passes_rows_on_and_says_none_of_its_own():
     positions = [(6.0, 0.0), (0.0, 6.0), (-6.0, 0.0)]
     team = Negotiation(hungarian_consensus, positions, [(0, 1), (1, 2)])

@@ -1,7 +1,6 @@
 """What spreads between robots, whatever happens to it under way; and the way to a point at xi*."""
 
 import random
-from dataclasses import replace
 from math import exp, hypot, pi, sin
 
 import msgpack
@@ -58,7 +57,7 @@ def view(tick=21, count=4, planned=None, heard=()):
     seen = team.view(0)
     members = tuple(range(count)) if planned is None else planned
     positions = tuple([team.positions[k] for k in members])
-    return replace(seen, tick=tick, members=members, positions=positions, heard=tuple(heard))
+    return seen._replace(tick=tick, members=members, positions=positions, heard=tuple(heard))
 
 
 @CHEAP
@@ -181,8 +180,7 @@ def test_an_index_is_one_place_to_all_whose_views_of_the_target_are_near(count, 
 def test_the_step_ahead_is_the_one_at_which_the_ways_are_most_alike(places, data):
     count = len(places)
     points = data.draw(st.permutations(range(count)))
-    seen = replace(
-        view(count=count),
+    seen = view(count=count)._replace(
         positions=tuple(places),
         position=places[0],
         predict=lambda grid: drifting((0.0, 0.0), grid),
