@@ -41,7 +41,6 @@ def test_the_shipped_studies_are_those_that_the_readme_names():
     assert set(shipped_studies()) == {
         *("loss", "delay", "loss-delay", "burst", "range", "staleness", "team", "fusion", "fig7"),
         *("faster-target", "negotiation"),
-        *(),
     }
 
 
