@@ -79,15 +79,16 @@ def examined(
     parts = [part for part in recorded.participations if part.views]
     if not parts:
         return
-    yield outside.check_outside(subject, parts)
+    guarded = failures.guarded
+    yield from guarded("outside", subject, outside.check_outside, parts)
     yield purity.check_inputs(parts)
-    same = purity.check_twice(subject, parts)
+    (same,) = guarded("same answer", subject, purity.check_twice, parts)
     yield same
     if same.level == "wrong":
         yield CheckResult("order, memory, fresh process, replay, resume", "note", PURITY_FIRST)
     else:
-        yield purity.check_order(subject, parts)
-        yield purity.check_memory(subject, parts)
+        yield from guarded("order", subject, purity.check_order, parts)
+        yield from guarded("memory", subject, purity.check_memory, parts)
         yield from purity.check_processes(subject, parts)
     if not recorded.failures:
         yield from strangers.check_strangers(subject, parts)
@@ -95,7 +96,7 @@ def examined(
             yield from hunts.check_replay(scenarios["bad radio"])
     yield from hunts.check_payload(parts, large)
     yield hunts.check_steps(parts)
-    yield hunts.check_time(subject, parts, plain.tick_s)
+    yield from guarded("time", subject, hunts.check_time, parts)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Why a policy could not answer: the usual mistakes, and what to do about each."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from encircle.agents.estimation.kalman import Estimate
 from encircle.agents.policies.interface import Decision, View
 from encircle.check_results import CheckResult
+from encircle.conformance.purity import PURE_ADVICE, Parts
 from encircle.conformance.scenes import ANSWER_S_MAX, Failure, Recorded, TooSlow
 from encircle.conformance.subject import Subject
 from encircle.protocol.plugins import InvalidPluginResult, error_line
@@ -24,6 +25,25 @@ FROZEN = ("can't set attribute", "cannot assign to field", "cannot be changed", 
 """What Python, and what peers have said, answer to who would change them."""
 FROZEN_ADVICE = "what it is given cannot be changed: make new values, and return them as memory"
 PAIR_ADVICE = "return a pair at every return: memory, Decision(mode, step, goal)"
+
+
+def guarded(
+    name: str,
+    subject: Subject,
+    check: Callable[[Subject, Parts], CheckResult],
+    parts: Parts,
+) -> list[CheckResult]:
+    """The result of a check in which a policy may raise although it did not in the hunt."""
+    try:
+        return [check(subject, parts)]
+    except (Exception, SystemExit) as error:
+        place = subject.place_in(error)
+        if not place and not isinstance(error, InvalidPluginResult):
+            raise
+        what = "answers" if isinstance(error, InvalidPluginResult) else "raises"
+        reason = error if what == "answers" else error_line(error)
+        said = f"asked again, it {what} {reason}{place}"
+        return [CheckResult(name, "wrong", said, PURE_ADVICE)]
 
 
 def check_decisions(subject: Subject, recorded: Recorded) -> list[CheckResult]:

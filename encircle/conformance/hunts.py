@@ -14,12 +14,14 @@ import msgpack
 from encircle.agents.policies.interface import Policy, View
 from encircle.agents.policies.paper import xi_star
 from encircle.check_results import CheckResult
-from encircle.conformance.purity import Parts
+from encircle.conformance.purity import PURE_ADVICE, Parts
 from encircle.conformance.subject import Subject
 from encircle.protocol.messages import QUANTA_PER_M, QUANTUM_M
+from encircle.protocol.plugins import PluginFailed
 from encircle.protocol.wire.limits import SAY_BYTES_MAX
 from encircle.replay.replaying import replay
 from encircle.runner.hunts import resume, run
+from encircle.runner.launch import RunFailed
 from encircle.world.loading.remarks import ScenarioRemark
 from encircle.world.recording.run_directory import RunDirectoryError
 from encircle.world.scenario.model import Scenario
@@ -79,8 +81,11 @@ def check_replay(scenario: Scenario) -> list[CheckResult]:
     with tempfile.TemporaryDirectory(prefix="encircle-") as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", ScenarioRemark)
         whole, cut = Path(folder) / "whole", Path(folder) / "cut"
-        hunt = run(scenario, link="memory", out=whole)
-        check = replay(whole)
+        try:
+            hunt = run(scenario, link="memory", out=whole)
+            check = replay(whole)
+        except (RunFailed, PluginFailed) as error:
+            return [CheckResult("replay", "wrong", f"in another hunt {error}", PURE_ADVICE)]
         results = [CheckResult("replay", "ok", f"{check.compared} messages decided the same again")]
         if not check.same:
             tick, robot, channel = check.differences[0]
@@ -89,7 +94,7 @@ def check_replay(scenario: Scenario) -> list[CheckResult]:
                     "replay",
                     "wrong",
                     f"{channel} of {robot} at tick {tick} is decided otherwise when it is replayed",
-                    "a decision may follow from memory and view alone",
+                    PURE_ADVICE,
                 )
             ]
         cut.mkdir()
@@ -97,7 +102,7 @@ def check_replay(scenario: Scenario) -> list[CheckResult]:
         (cut / RECORDING).write_bytes(recorded[: int(CUT_SHARE * len(recorded))])
         try:
             same = resume(cut, link="memory").digest == hunt.digest
-        except RunDirectoryError:
+        except (RunFailed, PluginFailed, RunDirectoryError):
             same = False
         if same:
             text = f"cut off and resumed, a hunt of {hunt.result.ticks} ticks ends the same"
@@ -107,7 +112,7 @@ def check_replay(scenario: Scenario) -> list[CheckResult]:
         return [*results, CheckResult("resume", "wrong", text, advice)]
 
 
-def check_time(subject: Subject, parts: Parts, tick_s: float) -> CheckResult:
+def check_time(subject: Subject, parts: Parts) -> CheckResult:
     """Time of a decision beside the default policy's, on the same views in turn.
 
     Of each view the shorter of two: the rest is the machine's.
@@ -131,7 +136,7 @@ def check_time(subject: Subject, parts: Parts, tick_s: float) -> CheckResult:
         f" (medians of {len(own_us)}); at most {max(own_us):.0f} us, the default"
         f" {max(default_us):.0f} us"
     )
-    if max(own_us) > tick_s * US_PER_S:
+    if max(own_us) > parts[0].views[0].tick_s * US_PER_S:
         advice = "by the clock a robot that is later than a tick repeats its last step"
         return CheckResult("time", "note", text, advice)
     return CheckResult("time", "ok", text)

@@ -104,12 +104,11 @@ def check_outside(subject: Subject, parts: Parts) -> CheckResult:
 
 
 def _profiled(policy: Callable[..., Any], memory: Any, view: View, calls: _Calls) -> Any:
-    before = sys.getprofile()
     sys.setprofile(calls)
     try:
         return policy(memory, view)
     finally:
-        sys.setprofile(before)
+        sys.setprofile(None)
 
 
 def _numpy_state() -> tuple[Any, ...]:

@@ -8,6 +8,7 @@ import os
 import pickle
 import sys
 from collections.abc import Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, redirect_stdout
 from copy import deepcopy
 from itertools import groupby
@@ -27,6 +28,7 @@ HASH_SEED = "PYTHONHASHSEED"
 HASH_SEEDS = ("1", "2", "3")
 """The order of a set of a few texts may be the same under two of them."""
 NAMES_MAX = 3
+PURE_ADVICE = "nothing but memory and view may have a say: no global, clock or random number"
 HASHES_ADVICE = (
     "sets of texts have another order in each process: sort them; nor may a decision hang on"
     " hash(), id() or what an import has drawn"
@@ -118,8 +120,14 @@ def check_processes(subject: Subject, parts: Parts) -> list[CheckResult]:
     views = [[p.views for p in of_scene] for _, of_scene in groupby(parts, lambda p: p.scene)]
     for seed, backwards in (*((seed, False) for seed in HASH_SEEDS), (HASH_SEEDS[0], True)):
         task = (subject.name, dict(subject.parameters), pickle.dumps(views), backwards)
-        with _hash_seed(seed):
-            (answers,) = in_order(answers_in_process, [task], 1, 1, lambda _done, _all: None)
+        try:
+            with _hash_seed(seed):
+                (answers,) = in_order(answers_in_process, [task], 1, 1, lambda _done, _all: None)
+        except BrokenProcessPool:
+            answers = "it ends the process"
+        if isinstance(answers, str):
+            said, advice = f"{answers} in a fresh process", _why(())
+            return [CheckResult("fresh process", "wrong", said, advice)]
         for part, given in zip(parts, answers, strict=True):
             if not (difference := first_difference(part, given)):
                 continue
@@ -134,8 +142,8 @@ def check_processes(subject: Subject, parts: Parts) -> list[CheckResult]:
 
 def answers_in_process(
     task: tuple[str, dict[str, Any], bytes, bool],
-) -> list[list[Answer]]:
-    """What a policy answers in this process to each participation's views.
+) -> list[list[Answer]] | str:
+    """What a policy answers in this process to each participation's views, or how it fails.
 
     The task: its name, its parameters, of each scene the views of each participation, pickled, and
     whether the last participation comes first; else they are asked tick by tick.
@@ -145,11 +153,14 @@ def answers_in_process(
     assert function is not None, "the parent process has found it"
     policy = Subject(name, function, parameters).ask
     views: list[list[list[View]]] = pickle.loads(pickled)  # noqa: S301  # from the parent process
-    with redirect_stdout(sys.stderr):
-        if not backwards:
-            return answers_by_tick(policy, views)
-        each = [of_part for of_scene in views for of_part in of_scene]
-        return [answers_of(policy, of_part) for of_part in each[::-1]][::-1]
+    try:
+        with redirect_stdout(sys.stderr):
+            if not backwards:
+                return answers_by_tick(policy, views)
+            each = [of_part for of_scene in views for of_part in of_scene]
+            return [answers_of(policy, of_part) for of_part in each[::-1]][::-1]
+    except (Exception, SystemExit) as error:
+        return f"it raises {error_line(error)}"
 
 
 def first_difference(part: Participation, answers: Sequence[Answer]) -> str:
@@ -182,7 +193,7 @@ def changed(before: dict[str, str], after: dict[str, str]) -> list[str]:
 
 def _why(names: Sequence[str]) -> str:
     if not names:
-        return "nothing but memory and view may have a say: no global, clock or random number"
+        return PURE_ADVICE
     listed = ", ".join(names[:NAMES_MAX])
     return f"{listed} of its module changed meanwhile: what it has to remember it returns as memory"
 

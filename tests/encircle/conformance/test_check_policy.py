@@ -1,5 +1,7 @@
 """Each mistake that a reader makes in a policy is found, and gets an explanation."""
 
+import multiprocessing
+
 import pytest
 
 from encircle.conformance import purity, scenes
@@ -158,6 +160,30 @@ ARRAY = """
 def policy(memory, view):
     return memory, _default(None, view)[1]._replace(say={"at": np.zeros(2)})
 """
+ONLY_ONCE = """
+asked = set()
+
+
+def policy(memory, view):
+    key = (view.tick, view.robot, view.position, view.heard)
+    if view.tick > 5:
+        if key in asked:
+            raise KeyError("asked before")
+        asked.add(key)
+    return memory, _default(None, view)[1]
+"""
+RAISES_ELSEWHERE = """
+import multiprocessing
+
+
+def policy(memory, view):
+    if multiprocessing.parent_process() is not None:
+        raise LookupError("not at home")
+    return memory, _default(None, view)[1]
+"""
+ENDS_ELSEWHERE = RAISES_ELSEWHERE.replace(
+    'raise LookupError("not at home")', "multiprocessing.process.os._exit(3)"
+)
 ENDLESS = """
 def policy(memory, view):
     while True:
@@ -259,6 +285,14 @@ MISTAKES = {
         "",
     ),
     "environment": (drawing("__import__('os').environ.get('HOME')"), "outside", "environment", ""),
+    "only once": (ONLY_ONCE, "same answer", "asked again, it raises KeyError", "no global"),
+    "raises elsewhere": (
+        RAISES_ELSEWHERE,
+        "fresh process",
+        "LookupError: not at home",
+        "no global",
+    ),
+    "ends elsewhere": (ENDS_ELSEWHERE, "fresh process", "it ends the process", "no global"),
     "fragile": (FRAGILE, "strangers", "KeyError: 'bid' (my_robots.py, line 11)", ".get()"),
     "trusting": (TRUSTING, "strangers", "TypeError", ".get()"),
     "poisoned": (POISONED, "strangers", "TypeError", ".get()"),
@@ -266,11 +300,16 @@ MISTAKES = {
     "intents": (POINTED, "strangers", "TypeError", "any mode, xi and point"),
     "all heard": (ALL_HEARD, "strangers", "AttributeError", "peer.packet is None"),
 }
-SMALL = ("plain", "bad radio", "nothing seen", "alone", "large team")
 
 
 @pytest.fixture
-def results_of(tmp_path, monkeypatch):
+def fresh_workers(monkeypatch):
+    """Workers of pools are interpreters of their own, as outside tests: each has its own hashes."""
+    monkeypatch.setattr("encircle.runner.process_pool.get_context", multiprocessing.get_context)
+
+
+@pytest.fixture
+def results_of(tmp_path, fresh_workers, monkeypatch):
     """What the checks say of a policy in a file."""
     monkeypatch.chdir(tmp_path)
 
@@ -300,7 +339,7 @@ def test_a_policy_without_mistakes_passes(results_of):
 
 
 @pytest.mark.parametrize("name", SHIPPED_POLICIES)
-def test_every_shipped_policy_passes(name, monkeypatch):
+def test_every_shipped_policy_passes(name, fresh_workers):
     results = list(examined(name))
     assert [result for result in results if result.level == "wrong"] == []
 
@@ -309,6 +348,7 @@ def test_a_decision_that_hides_in_a_rare_branch_is_still_seen_by_its_scene(resul
     text = GOOD.replace(
         "noise = ", "early = view.tick >= 24 and len(view.team) == 10 and 1 / 0\n    noise = "
     )
-    (wrong,) = [result for result in results_of(text) if result.level == "wrong"]
-    assert wrong.check == "decisions"
-    assert "(large team): it raises ZeroDivisionError" in wrong.said
+    wrongs = [result for result in results_of(text) if result.level == "wrong"]
+    assert [wrong.check for wrong in wrongs] == ["decisions"], wrongs
+
+    assert "(large team): it raises ZeroDivisionError" in wrongs[0].said
