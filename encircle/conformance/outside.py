@@ -6,6 +6,7 @@ imported. numpy's global generator is compiled and tells nobody: its state is co
 
 import builtins
 import datetime
+import gc
 import os
 import random
 import socket
@@ -104,11 +105,16 @@ def check_outside(subject: Subject, parts: Parts) -> CheckResult:
 
 
 def _profiled(policy: Callable[..., Any], memory: Any, view: View, calls: _Calls) -> Any:
+    # Collecting garbage calls what other libraries have asked to be called.
+    collects = gc.isenabled()
+    gc.disable()
     sys.setprofile(calls)
     try:
         return policy(memory, view)
     finally:
         sys.setprofile(None)
+        if collects:
+            gc.enable()
 
 
 def _numpy_state() -> tuple[Any, ...]:

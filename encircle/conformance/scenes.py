@@ -35,14 +35,14 @@ BAD_RADIO = {
     "duplication": {"rate": 0.2},
 }
 FAR_AWAY = {"distance_m_min": 40.0, "distance_m_max": 60.0}
-LOST = {"kind": "crash", "robot": "r2", "tick": 15, "ticks": 10}
+LOST = {"kind": "crash", "robot": "r2", "tick": 12, "ticks": 8}
 SCENES: Mapping[str, Mapping[str, Any]] = {
-    "plain": {"team": {"robots": 4}, "ticks_max": 60},
-    "bad radio": {"team": {"robots": 4}, "ticks_max": 60, "channel": BAD_RADIO},
-    "nothing seen": {"team": {"robots": 4, "placement": FAR_AWAY}, "ticks_max": 20},
-    "a lost robot": {"team": {"robots": 3}, "ticks_max": 45, "events": [LOST]},
-    "alone": {"team": {"robots": 1}, "ticks_max": 20},
-    "large team": {"team": {"robots": LARGE_TEAM}, "ticks_max": 25},
+    "plain": {"team": {"robots": 4}, "ticks_max": 40},
+    "bad radio": {"team": {"robots": 4}, "ticks_max": 40, "channel": BAD_RADIO},
+    "nothing seen": {"team": {"robots": 4, "placement": FAR_AWAY}, "ticks_max": 12},
+    "a lost robot": {"team": {"robots": 3}, "ticks_max": 32, "events": [LOST]},
+    "alone": {"team": {"robots": 1}, "ticks_max": 15},
+    "large team": {"team": {"robots": LARGE_TEAM}, "ticks_max": 16},
 }
 
 

@@ -339,14 +339,16 @@ def test_a_policy_without_mistakes_passes(results_of):
 
 
 @pytest.mark.parametrize("name", SHIPPED_POLICIES)
-def test_every_shipped_policy_passes(name, fresh_workers):
+def test_every_shipped_policy_passes(name, fresh_workers, monkeypatch):
+    # This process has a seed of its own.
+    monkeypatch.setattr(purity, "HASH_SEEDS", ("1",))
     results = list(examined(name))
     assert [result for result in results if result.level == "wrong"] == []
 
 
 def test_a_decision_that_hides_in_a_rare_branch_is_still_seen_by_its_scene(results_of):
     text = GOOD.replace(
-        "noise = ", "early = view.tick >= 24 and len(view.team) == 10 and 1 / 0\n    noise = "
+        "noise = ", "early = view.tick >= 15 and len(view.team) == 10 and 1 / 0\n    noise = "
     )
     wrongs = [result for result in results_of(text) if result.level == "wrong"]
     assert [wrong.check for wrong in wrongs] == ["decisions"], wrongs
