@@ -1,0 +1,1 @@
+"""What a team that knows everything reaches, as a yardstick for policies."""
