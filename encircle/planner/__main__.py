@@ -1,7 +1,4 @@
-"""How far an omniscient planner gets from a study's starts:
-
-python -m encircle.planner faster-target --seeds 100
-"""
+"""``python -m encircle.planner STUDY``: what an omniscient planner reaches from its starts."""
 
 import argparse
 import os
