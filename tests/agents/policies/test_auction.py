@@ -175,7 +175,10 @@ def test_a_robot_changes_its_mind_when_its_bid_is_old_and_no_sooner():
     team.positions = positions[::-1]
     # Both bids were made at tick 0. r1's old one is still the price of its point at tick 5.
     assert [team.step() for _ in range(2)] == [[0, 1]] * 2
-    assert team.run(7) == [1, 0]
+    assert [bid[0] for bid in team.memories[0].values()] == [0, 0]
+    team.step()
+    assert [team.memories[robot][robot][0] for robot in range(2)] == [5, 5]
+    assert team.run(6) == [1, 0]
 
 
 def test_a_lost_robot_leaves_the_ring_and_comes_back_to_it():

@@ -80,7 +80,10 @@ def test_a_claim_is_made_anew_when_it_is_old():
     assert team.run(3) == [0, 1]
     team.positions = positions[::-1]
     assert [team.step() for _ in range(2)] == [[0, 1]] * 2
-    assert team.run(6) == [1, 0]
+    since = team.memories[0].tick
+    team.step()
+    assert (since, team.memories[0].tick) == (0, 5)
+    assert team.run(5) == [1, 0]
 
 
 def test_a_lost_robots_point_is_free_and_taken_again_when_it_is_back():
