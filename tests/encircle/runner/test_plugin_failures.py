@@ -67,6 +67,38 @@ def wild_point(memory, view):
     return chase(view, point=-1)
 
 
+def too_large(memory, view):
+    return chase(view, say={"x": b"x" * 2000})
+
+
+def not_packable(memory, view):
+    return chase(view, say={"x": [1, {2}]})
+
+
+def nan_said(memory, view):
+    return chase(view, say={"x": {"y": nan}})
+
+
+def bytes_keys(memory, view):
+    return chase(view, say={"x": {b"y": 1}})
+
+
+def too_deep(memory, view):
+    return chase(view, say={"x": [[[[[[1]]]]]]})
+
+
+def no_map(memory, view):
+    return chase(view, say=[1])
+
+
+def half_text(memory, view):
+    return chase(view, say={"x": "\\ud800"})
+
+
+def no_pair(memory, view):
+    return chase(view)[1]
+
+
 def tires(memory, view):
     if view.tick == 5:
         raise RuntimeError("tired")
@@ -83,7 +115,9 @@ def no_step(memory, view):
 
 number = 3
 """
-STRATEGIES = ("raises", "leaves", "nan_step", "long_step", "no_choice", "wild_point")
+SAYING = ("too_large", "not_packable", "nan_said", "bytes_keys", "too_deep", "no_map", "half_text")
+STRATEGIES = ("raises", "leaves", "nan_step", "long_step", "no_choice", "wild_point", "no_pair")
+STRATEGIES += SAYING
 TARGETS = ("tires", "nan_target", "no_step")
 ENTRIES = (
     *(f"strategies {name} = failing:{name}" for name in STRATEGIES),
@@ -94,13 +128,21 @@ ENTRIES = (
     "strategies no_import = not_importable:f",
     "targets no_attribute = failing:nothing",
 )
-SAID = {
+SAID = {  # with a tilde for what is left out
     "raises": "ZeroDivisionError: division by nothing",
     "leaves": "SystemExit: enough",
     "nan_step": "answered step = (nan, 0.0): must be two numbers",
     "long_step": "answered step = (0.1, 0.0, 0.0): must be two numbers",
     "no_choice": "answered (0.1, 0.0): must be what it remembers, and a Decision",
     "wild_point": "answered point = -1: must be the number of a point",
+    "no_pair": "answered Decision( ~ : must be what it remembers, and a Decision",
+    "too_large": "answered say = {'x': b'x ~ : must be at most 1024 bytes as msgpack, this takes 2",
+    "not_packable": "answered say = {'x': [1, {2}]}: must be made of ~ ; x.1 is of type set",
+    "nan_said": "answered say = {'x': {'y': nan}}: must be made of ~ ; x.y is nan",
+    "bytes_keys": "answered say = {'x': {b'y': 1}}: must be made of ~ ; x has other keys",
+    "too_deep": "answered say = {'x': [[ ~ ]]}: must be nested 6 deep at most",
+    "no_map": "answered say = [1]: must be a map with texts as keys",
+    "half_text": "answered say = {'x': '\\ud800'}: must be made of ~ ; half of a surrogate pair",
     "tires": "RuntimeError: tired",
     "nan_target": "answered step = (nan, 0.0): must be two numbers",
     "no_step": "answered None: must be what it remembers, and a step",
@@ -140,7 +182,8 @@ def check_line(line, name, by_clock=False):
     tick = r"\d+" if by_clock else 5 if name == "tires" else 0
     source = re.escape(f"{kind} {name!r} (failing:{name} of strangers 1.0)")
     assert "\n" not in line
-    assert re.search(f"{source} failed{place} at tick {tick}: {re.escape(SAID[name])}", line)
+    said = ".*".join(map(re.escape, SAID[name].split(" ~ ")))
+    assert re.search(f"{source} failed{place} at tick {tick}: {said}", line)
     path = Path(re.search(r"; traceback in (\S+?)(;|$)", line)[1])
     text = path.read_text()
     assert "Traceback (most recent call last)" in text
@@ -178,6 +221,15 @@ def test_over_zenoh_the_run_fails_with_the_same_line(name, how, when_lost, tmp_p
     assert check_line(str(caught.value), name, "clock" in how).parent == out
     assert not caught.value.resumable
     assert json.loads((out / "summary.json").read_text())["ended"].startswith("failed: ")
+
+
+@pytest.mark.parametrize("how", [{}, {"clock": "wall"}], ids=["lock-step", "by-clock"])
+@pytest.mark.parametrize("name", [*SAYING, "no_pair"])
+def test_over_zenoh_what_cannot_be_said_fails_with_the_same_line(name, how):
+    with pytest.raises(RunFailed) as caught:
+        encircle.run(scenario(name, **how))
+    check_line(str(caught.value), name, bool(how)).unlink()
+    assert not caught.value.resumable
 
 
 def test_without_a_directory_the_traceback_is_in_a_temporary_file():
