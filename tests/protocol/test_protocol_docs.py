@@ -4,7 +4,9 @@ The page's own programs are taken out of it and run, so they cannot fall behind.
 """
 
 import cmath
+import gzip
 import json
+import random
 import re
 import runpy
 import subprocess
@@ -13,14 +15,16 @@ from contextlib import ExitStack
 from itertools import permutations
 from math import pi
 
+import msgpack
 import numpy as np
 import pytest
 from helpers_agents import view_of
 from helpers_commands import ours, started_unheard
 from helpers_hosts import NodeProcess, wait_for_robots
-from helpers_paths import DOCS
+from helpers_paths import DOCS, TESTS
 from helpers_protocol_page import PAGE, program, section
 from helpers_waiting import communicated, ended, until
+from helpers_world import RUN, answers, arena, begun
 
 import encircle
 from encircle.agents.policies.registry import policy_named
@@ -37,6 +41,9 @@ from encircle.protocol.zenoh.lanes import GATE_SETTINGS, QUEUE_SETTINGS, ROUND, 
 from encircle.protocol.zenoh.session import open_session
 from encircle.runner.launch import free_endpoint
 from encircle.world.arena.capture import is_captured
+from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.recording.recorder import Recorder
+from encircle.world.scenario.model import digest_header
 
 SECURITY = (DOCS / "security.md").read_text(encoding="utf-8")
 HEX_COLUMNS = 47
@@ -100,17 +107,61 @@ def test_the_round_in_bytes_is_what_its_program_prints(capsys):
         ["robot.publish_every_ticks=3", "ticks_max=20", "sensing.noise_m_std=0.05"],
         ["robot.publish_every_ticks=2", "channel.duplication.rate=0.5"],
         ["robot.detections=fuse", 'channel.loss={model="bernoulli",rate=0.3}'],
+        ["team.strategy=auction", "channel.duplication.rate=0.5"],
+        ["team.strategy=intents", "robot.detections=fuse"],
     ],
-    ids=["plain", "relayed", "event", "third", "copied", "fused"],
+    ids=["plain", "relayed", "event", "third", "copied", "fused", "speaking", "all"],
 )
 def test_the_digest_of_a_recording_is_the_one_its_program_prints(
     changes, tmp_path, monkeypatch, capsys
 ):
     hunt = encircle.run("sim1", link="memory", out=tmp_path / "run", overrides=changes)
-    (tmp_path / "digest.py").write_text(program("The digest"))
-    monkeypatch.setattr(sys, "argv", ["digest.py", str(tmp_path / "run" / "recording.mcap")])
-    runpy.run_path(str(tmp_path / "digest.py"), run_name="__main__")
-    assert capsys.readouterr().out.strip() == hunt.digest
+    recording = tmp_path / "run" / "recording.mcap"
+    assert digest_by_the_page(recording, monkeypatch, capsys) == hunt.digest
+
+
+def digest_by_the_page(recording, monkeypatch, capsys):
+    """What the program of the page prints for a recording."""
+    script = recording.with_name("digest.py")
+    script.write_text(program("The digest"))
+    monkeypatch.setattr(sys, "argv", ["digest.py", str(recording)])
+    runpy.run_path(str(script), run_name="__main__")
+    return capsys.readouterr().out.strip()
+
+
+def test_the_digest_of_a_recording_of_version_3_is_the_one_that_it_had(
+    tmp_path, monkeypatch, capsys
+):
+    before = TESTS / "data" / "recorded_by_0_1_0" / "lossy"
+    recording = tmp_path / "recording.mcap"
+    recording.write_bytes(gzip.decompress((before / "recording.mcap.gz").read_bytes()))
+    digest = json.loads((before / "summary.json").read_text())["digest"]
+    assert digest_by_the_page(recording, monkeypatch, capsys) == digest
+
+
+def test_the_digest_is_that_of_the_page_however_others_pack_what_they_say(
+    tmp_path, monkeypatch, capsys
+):
+    messages, draws = [], random.Random(1)
+    core = begun(WorldCore(arena("ticks_max=12"), RUN, record=lambda *m: messages.append(m)))
+    while core.ended is None:
+        for key, payload in answers(core):
+            body = msgpack.unpackb(payload)
+            if key.endswith("/pose"):
+                body["say"] = draws.choice([{}, {"b": 1.5, "a": [1, b"x", {"z": None}]}])
+            names = draws.choice([list(body), sorted(body), [*body][::-1]])
+            single = draws.random() < 0.5
+            core.receive(key, msgpack.packb({n: body[n] for n in names}, use_single_float=single))
+    core.rounds.commit()
+    assert core.rounds.refused == {}
+    path, scenario = tmp_path / "recording.mcap", core.arena.scenario
+    metadata = {"run": RUN, "digest_header": digest_header(scenario, core.arena.seed)}
+    recorder = Recorder(path, scenario.tick_s, metadata)
+    for message in messages:
+        recorder.record(*message)
+    recorder.close()
+    digest = digest_by_the_page(path, monkeypatch, capsys)
+    assert digest == core.rounds.result().digest
 
 
 def test_the_whole_robot_of_the_page_takes_part_in_a_hunt(tmp_path):

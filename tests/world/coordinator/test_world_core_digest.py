@@ -176,6 +176,7 @@ def disturbed(at, robot, **changes):
         {"velocity": (0.1, 0.0)},
         {"detection": (0.0, 0.0)},
         {"team": ("r1",)},
+        {"say": {"bid": 1}},
     ],
 )
 @pytest.mark.parametrize(("tick", "robot"), [(0, "r1"), (9, "r4")])
