@@ -15,6 +15,7 @@ from encircle.protocol.programs.option_values import whole_number_in
 from encircle.protocol.programs.options import Options
 
 ROBOTS_MAX = 100
+OWN = "team.policy_parameters."
 PURITY_FIRST = "left out until the same question has one answer"
 
 
@@ -44,6 +45,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "encircle check-
     settings = options.parse(arguments)
     # Imported late: a mistyped command need not wait for the brains.
     from encircle.conformance.subject import NoSuchPolicy
+    from encircle.world.scenario.errors import ScenarioError
 
     try:
         # What a policy prints is not the result.
@@ -51,6 +53,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "encircle check-
             results = list(examined(settings.policy, settings.set, settings.robots))
     except NoSuchPolicy as error:
         options.error(str(error))
+    except ScenarioError as error:
+        _, *problems = str(error).split("\n")
+        options.error("; ".join(line.strip().replace(OWN, "--set ") for line in problems))
     say(*([as_json(results)] if settings.json else as_lines(results)))
     return 0 if well(results) else 1
 

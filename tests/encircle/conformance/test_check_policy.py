@@ -3,6 +3,7 @@
 import multiprocessing
 
 import pytest
+from helpers_paths import ROOT
 
 from encircle.conformance import purity, scenes
 from encircle.conformance.check_policy import examined
@@ -335,6 +336,14 @@ def test_a_mistake_is_found_and_explained(mistake, results_of, monkeypatch):
 
 def test_a_policy_without_mistakes_passes(results_of):
     results = results_of(GOOD, "weight=0.25")
+    assert [result for result in results if result.level == "wrong"] == []
+
+
+def test_the_example_of_the_page_passes(tmp_path, fresh_workers, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "policies.md").read_text()
+    (tmp_path / "my_robots.py").write_text(page.split("```python\n")[1].split("```")[0])
+    results = list(examined("my_robots.py:head_for_it", ["share=0.5"]))
     assert [result for result in results if result.level == "wrong"] == []
 
 

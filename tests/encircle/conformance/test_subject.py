@@ -72,6 +72,8 @@ def test_a_file_that_cannot_be_imported_is_explained_with_the_line(kind, here):
         ("my_robot.py:head", "did you mean 'my_robots.py'?"),
         ("my_robots.py", "my_robots.py:head"),
         ("nowhere.py:head", "there is no file nowhere.py"),
+        ("no.where:head", "No module named 'no'"),
+        ("encircle:nowhere", "has no attribute 'nowhere'"),
     ],
 )
 def test_a_name_of_nothing_is_bad_usage_and_the_nearest_is_named(name, near, here, capsys):
@@ -91,12 +93,20 @@ def test_a_policy_is_described_with_its_own_parameters(here):
 
 
 @pytest.mark.parametrize(
-    ("setting", "said"),
-    [("share=much", "policy_parameters.share"), ("shore=1.0", "shore"), ("share", "share")],
+    ("settings", "said"),
+    [
+        (["--set", "share=much"], "--set share = 'much': must be"),
+        (["--set", "shore=1.0"], "(did you mean 'share'?)"),
+        (["--set", "share"], "must be key=value"),
+        ([], "--set share: is missing"),
+    ],
 )
-def test_a_parameter_that_is_not_right_is_bad_usage(setting, said, here, capsys):
-    assert main(["check-policy", "my_robots.py:head", "--set", setting]) == 2
-    assert said in capsys.readouterr().err
+def test_a_parameter_that_is_not_right_is_bad_usage(settings, said, here, capsys):
+    here.write_text(GOOD.replace(" = 1.0", ""))
+    assert main(["check-policy", "my_robots.py:head", *settings]) == 2
+    printed = capsys.readouterr()
+    assert said in printed.err
+    assert printed.err.count("\n") == 1
 
 
 def test_json_is_one_object_and_what_a_policy_prints_is_not_in_it(here, capsys, monkeypatch):
