@@ -285,6 +285,13 @@ MISTAKES = {
         "opens a file (my_robots.py, line 11)",
         "",
     ),
+    "socket": (
+        drawing("__import__('socket').socket().close()"),
+        "outside",
+        "opens a socket",
+        "say",
+    ),
+    "sleep": (drawing("time.sleep(0)"), "outside", "time.sleep (my_robots.py, line 11)", "tick"),
     "environment": (drawing("__import__('os').environ.get('HOME')"), "outside", "environment", ""),
     "only once": (ONLY_ONCE, "same answer", "asked again, it raises KeyError", "no global"),
     "raises elsewhere": (
