@@ -278,13 +278,15 @@ def test_a_running_hunt_shows_what_it_is_told_as_it_is(capsys):
     for report in (
         {"log": f"world refused {EVIL}"},
         {"departure": [1, f"r1{EVIL}", f"lost: {EVIL}"]},
+        {"departure": [2, "r2", "lost: no answer for 3 s"], "policy": f"policy {EVIL}"},
         {"started": {EVIL: 1}, "run": EVIL, "endpoint": EVIL},
     ):
         shown.update(report)
     said = capsys.readouterr().err
     assert_clean(said)
     assert "[red]" in said
-    assert len(said.splitlines()) == 4
+    assert len(said.splitlines()) == 5
+    assert "tick 2: robot r2 is lost: no answer for 3 s (policy " in said
 
 
 def test_rich_finds_no_marks_of_its_own_in_it():
