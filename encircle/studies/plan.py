@@ -31,7 +31,14 @@ from pydantic import (
 )
 
 from encircle.measures.registry import MEASURES, is_shipped, split_name
-from encircle.protocol.plugins import GROUPS, MEASURES_GROUP, STRATEGIES, TARGETS, installed
+from encircle.protocol.plugins import (
+    GROUPS,
+    MEASURES_GROUP,
+    SHIPPED_POLICIES,
+    STRATEGIES,
+    TARGETS,
+    installed,
+)
 from encircle.protocol.process.log import printable
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import remarks_on
@@ -312,7 +319,9 @@ class Plan(_Model):
             sorted(
                 (group, name)
                 for group, name in used
-                if ":" in name or not known[group][name].shipped
+                if ":" in name
+                # An install from before a policy was shipped has no entry point of it.
+                or (name not in SHIPPED_POLICIES and not known[group][name].shipped)
             )
         )
 
