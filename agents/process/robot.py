@@ -7,7 +7,9 @@ waking an asyncio loop from there costs half as much again as all the rest
 """
 
 import asyncio
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,7 +21,7 @@ from encircle.agents.process.world_watch import RobotEnd, WorldWatch
 from encircle.protocol.endings import is_failure
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.plugins import PluginLoadError
-from encircle.protocol.process.interrupts import end_is_known, signals_to
+from encircle.protocol.process.interrupts import end_is_known, expect_library_threads, signals_to
 from encircle.protocol.process.log import say_error
 from encircle.protocol.zenoh.connection import ConnectionFailed, ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
@@ -29,6 +31,8 @@ JOIN_S_MAX = 30.0
 WORLD_S_MAX = 10.0
 CONNECT_NOTICE_S = 2.0
 STATUS_PERIOD_S = 0.2
+DECISION_S_MAX = 2.0
+"""How long a robot that is to end waits for the decision that is under way, in s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +103,7 @@ async def _take_part(
 ) -> None:
     """Answer until the run is over or there is a reason to end early; close the connection."""
     world_watch.await_admission()
-    rounds = asyncio.create_task(asyncio.to_thread(runs.answer, connection))
+    rounds = _in_thread(partial(runs.answer, connection))
     status = asyncio.create_task(_report_status(runs, status_log))
     try:
         await _first_of(rounds, end.reason, status)
@@ -107,8 +111,33 @@ async def _take_part(
         status.cancel()
         world_watch.cancel()
         await asyncio.to_thread(connection.close)
-        await rounds
+        answered, _ = await asyncio.wait([rounds], timeout=DECISION_S_MAX)
+    if answered:
+        rounds.result()
+    else:
+        # A policy that never answers must not keep its process.
+        end.stop(f"still deciding at tick {runs.core.tick}: given up")
+        expect_library_threads()
     status_log.update(runs.core)
+
+
+def _in_thread(work: Callable[[], None]) -> "asyncio.Future[None]":
+    """Do this in a thread that need not come to its end for the process to end."""
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[None] = loop.create_future()
+
+    def run() -> None:
+        try:
+            work()
+        except BaseException as error:
+            finish = partial(done.set_exception, error)
+        else:
+            finish = partial(done.set_result, None)
+        with suppress(RuntimeError):  # the loop is closed: nobody waits any more
+            loop.call_soon_threadsafe(finish)
+
+    threading.Thread(target=run, name="rounds", daemon=True).start()
+    return done
 
 
 async def _report_status(runs: RobotRuns, status_log: StatusLog) -> None:

@@ -119,6 +119,13 @@ def test_numbers_of_purposes_are_never_changed():
         "TRACE_START": 8,
         "COPY": 9,
         "COPY_DELAY": 10,
+        "ROBOT_RADIO_LOSS": 11,
+        "LOCALISATION_NOISE": 12,
+        "LOCALISATION_DRIFT": 13,
+        "FADING": 14,
+        "FADING_PHASE": 15,
+        "SHADOWING": 16,
+        "CONTENTION": 17,
     }
 
 

@@ -4,7 +4,9 @@ The policy is in a file and sleeps in one robot: by the clock for some ticks, in
 long as a second file is there.
 """
 
+import os
 import re
+import signal
 
 import pytest
 from helpers_waiting import ample_s
@@ -101,7 +103,10 @@ def test_in_lock_step_a_run_that_ends_for_want_of_an_answer_names_the_policy(hun
     )
     hunt.start_all()
     assert hunt.world.end() == 1
-    (policies / "hold").unlink()
+    # Its robot, which is still deciding, does not go on for ever either.
+    os.kill(hunt.robots["r2"].pid, signal.SIGTERM)
+    assert hunt.robots["r2"].end() == 1
+    assert hunt.robots["r2"].said.splitlines()[-1] == "robot r2: stopped by SIGTERM"
     ended = f"no answer from r2 for {answer_s:g} s at tick 5 (policy 'slow.py:held')"
     assert hunt.world.result()["ended"] == f"failed: {ended}"
     assert any(ended in line for line in hunt.world.said.splitlines())
