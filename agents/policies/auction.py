@@ -45,6 +45,8 @@ one that is back bids as if new, and its newer bid replaces the old one.
 Only who takes which point is negotiated. The ring is ``negotiation.fixed_ring``, xi* is Eq. 2-3's
 over the points that are bid for, and the robots shrink a closed ring as the paper has it.
 
+Source: Choi, Brunet, How 2009 (CBAA), and Johnson, Ponda, Choi, How 2010 (ACBBA).
+
 Payload: ``bids``, for each robot [index, tick, number of points, point, cost in mm].
 """
 

@@ -16,7 +16,7 @@ part of its own; it makes a group that goes after one target surround it. Both s
 gradients of the potential sum_j (R - d_ij)+^2 / 2. The collision term acts within D = ``near_m``.
 
 Source: Janosov, Viragh, Vasarhelyi, Vicsek, "Group chasing tactics: how to catch a faster prey",
-New J. Phys. 19 (2017) 053003, arXiv 1701.00284; the terms are those of its chasers as public
+New J. Phys. 19 (2017) 053003, arXiv 1701.00284. The terms are those of its chasers as public
 re-implementations have them. There a chaser alone captures, a much faster prey, in a closed arena.
 Delay, noise and limited acceleration, parts of its model of flight, are the world's business here,
 and there is no wall, so no term for it. Lengths and speeds in the drag are in bodies and in full

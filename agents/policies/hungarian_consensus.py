@@ -36,6 +36,8 @@ In Algorithm 1 small disagreements end that.
 With ``say_rows`` off the robots say nothing, and each solves the problem for where it believes the
 others to be: implicit coordination on the same ring, to be compared with.
 
+Source: Ismail, Sun, "Decentralized Hungarian-based approach" (ICUAS 2017).
+
 Payload: ``rows``, for each robot [index, tick, x, y], the ray in mm.
 """
 

@@ -23,6 +23,8 @@ size alone.
 The ring stands still in the world's directions, as in ``auction``; xi* is Eq. 2-3's, and the
 robots shrink a closed ring as the paper has it.
 
+Source: our own, as a baseline.
+
 Payload: ``point`` and ``points``, the point claimed and how many there are.
 """
 

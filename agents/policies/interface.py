@@ -51,11 +51,11 @@ class Peer(NamedTuple):
     robot: str
     """Its id."""
     position: Point
-    """Where it is believed to be now, in m."""
+    """Where it is believed to be now, (x, y) in m."""
     velocity: Point
-    """With which velocity, in m/s."""
+    """Its velocity as last known, in m/s."""
     age_ticks: int
-    """How old that is what was last known of it."""
+    """The age of what was last known of it."""
     packet: Pose | None
     """The newest packet of it that was heard, with its intent (``mode``, ``xi``, ``point``) and
     what its policy said (``say``); None if it was only seen."""
@@ -65,13 +65,13 @@ class View(NamedTuple):
     """What a policy decides on: one robot's own, possibly stale, view of the hunt."""
 
     tick: int
-    """Now."""
+    """The number of this tick; time is ``tick * tick_s``."""
     tick_s: float
     """Length of a tick, in s."""
     robot: str
     """Its own id."""
     team: tuple[str, ...]
-    """All ids, in robot order."""
+    """The ids of all robots, in robot order."""
     position: Point
     """Its own position, in m, as it believes."""
     own: int

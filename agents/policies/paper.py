@@ -3,6 +3,8 @@
 Each robot picks its encirclement point by Algorithm 1 on its own view, and says nothing: what the
 others will do is what they would do on that view (implicit coordination). Once the ring is closed
 the robots shrink it (Eq. 4-7). ``docs/paper.md`` has how the paper is read.
+
+Source: *A Multi-Robot Cooperative Hunting Approach Based on Dynamic Prediction of Target Motion*.
 """
 
 from math import copysign, hypot, sin, sqrt
