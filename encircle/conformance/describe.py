@@ -4,8 +4,8 @@
     python -m encircle.conformance.describe --write    make it so
 
 Of ``View``, ``Peer`` and ``Decision`` each field's type, default and docstring are read from the
-source. Of a shipped policy: the first sentence of its docstring, its own parameters, and what follows
-``Payload:`` and ``Source:`` in its module's. How many bytes it says is found by a hunt.
+source. Of a shipped policy: the first sentence of its docstring, its own parameters, and what
+follows ``Payload:`` and ``Source:`` in its module's. A hunt shows how many bytes it says.
 """
 
 import ast
