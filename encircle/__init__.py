@@ -90,13 +90,14 @@ def study(
     out: str | Path | None = None,
     *,
     overrides: Sequence[str] = (),
-    seeds: int | None = None,
+    seeds: int | str | None = None,
 ) -> "Study":
     """A study by its shipped name, from a TOML file or from a mapping.
 
     ``out``: directory of its table, ``runs/study-NAME`` by default; ``overrides``: ``key=value``
-    changes of its base scenario; ``seeds``: how many instead of its own. Nothing is run before
-    ``run`` or ``table`` is called. Raises ``StudyError`` listing every problem.
+    changes of its base scenario; ``seeds``: how many, or which (``"1001-1200"``), instead of its
+    own. Nothing is run before ``run`` or ``table`` is called. Raises ``StudyError`` listing every
+    problem.
     """
     # Imported late: a hunt needs no tables.
     from encircle.studies.plan_files import load_plan

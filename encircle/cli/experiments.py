@@ -50,6 +50,11 @@ def reproduce_main(arguments: Sequence[str], program: str) -> int:
     return 0
 
 
+def _seeds(value: str) -> int | str:
+    """A number of seeds, or the first and the last of them."""
+    return value if "-" in value.strip("-") else whole_number_in(1)(value)
+
+
 def study_main(arguments: Sequence[str], program: str) -> int:
     """Run a study, or go on with one, or list those that are shipped; returns the exit status."""
     options = _study_options(program)
@@ -107,8 +112,8 @@ def _study_options(program: str) -> Options:
     options.add("--out", "directory; runs/study-NAME if left out", read=Path, metavar="DIR")
     options.add(
         "--seeds",
-        "how many seeds, 1 or more, instead of its own number",
-        read=whole_number_in(1),
+        "how many seeds, 1 or more, or which, as in 1001-1200, instead of its own",
+        read=_seeds,
         metavar="N",
     )
     options.add(

@@ -28,7 +28,7 @@ class Request:
 
     source: str
     out: Path | None
-    seeds: int | None
+    seeds: int | str | None
     link: str
     workers: int | None
     cluster: str | None

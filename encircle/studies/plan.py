@@ -71,13 +71,18 @@ DELAY_KEYS = ("channel.delay.mean_s", "channel.delay.low_s", "channel.delay.high
 """Keys of a scenario that request a delay, in s."""
 
 
+_RANGE = re.compile(r"([0-9]{1,19})-([0-9]{1,19})")
 SEEDS_RULE = (
-    f"must be a number from 1 to {SEEDS_MAX}, or a list of different seeds from 0 to 2^63 - 1"
+    f"must be a number from 1 to {SEEDS_MAX}, a list of different seeds from 0 to 2^63 - 1, or the"
+    ' first and the last as in "1001-1200"'
 )
 
 
 def _validated_seeds(value: Any) -> Any:
-    """Seeds unchanged, if they are a number or a list of numbers."""
+    """Seeds, if they are a number, a list of numbers, or the first and last of a range as text."""
+    if isinstance(value, str) and (ends := _RANGE.fullmatch(value)):
+        first, last = int(ends[1]), int(ends[2])
+        value = tuple(range(first, min(last, first + SEEDS_MAX) + 1))
     if isinstance(value, list | tuple):
         good = (
             0 < len(value) <= SEEDS_MAX

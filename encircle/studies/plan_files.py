@@ -28,12 +28,15 @@ SHIPPED = Path(__file__).parent / "shipped"
 
 
 def load_plan(
-    source: str | Path | Mapping[str, Any], changes: Sequence[str] = (), seeds: int | None = None
+    source: str | Path | Mapping[str, Any],
+    changes: Sequence[str] = (),
+    seeds: int | str | None = None,
 ) -> Plan:
     """Load a study from a shipped name, a TOML file or a mapping, and check all its cells.
 
     ``changes``: ``key=value`` for the base scenario, as on the command line. ``seeds``: how
-    many seeds, instead of the study's own. Raises ``StudyError``, which lists every problem.
+    many seeds, or which (``"1001-1200"``), instead of the study's own. Raises
+    ``StudyError``, which lists every problem.
     """
     name, tree, folder = _read_source(source)
     tree.setdefault("name", name)

@@ -397,9 +397,14 @@ def test_an_override_of_what_is_not_there_is_told_why(change, said):
 
 
 def test_more_seeds_than_allowed_are_refused_before_they_are_made():
-    for seeds in (10**15, [1] * 3, True, 1.5, "3", []):
+    for seeds in (10**15, [1] * 3, True, 1.5, "3", [], "4-3", "0-9999999", "1 - 3"):
         with pytest.raises(StudyError, match=r"seeds = .*must be a number from 1 to 1000000"):
             load_plan({"scenario": "sim1", "seeds": seeds})
+
+
+def test_seeds_may_be_the_first_and_the_last():
+    assert load_plan({"scenario": "sim1", "seeds": "1001-1003"}).seed_list == (1001, 1002, 1003)
+    assert load_plan("loss", seeds="0-0").seed_list == (0,)
 
 
 def test_an_unknown_kind_of_error_is_not_told_in_foreign_words():
