@@ -40,7 +40,10 @@ def xi_3(memory: None, view: View) -> tuple[None, Decision]:
 
 
 def pursue(memory: None, view: View) -> tuple[None, Decision]:
-    """Straight towards the target's estimated position, without any coordination."""
+    """Straight towards the target's estimated position, without any coordination.
+
+    Source: our own, as a baseline.
+    """
     return memory, view.search or Decision("pursue", close_in(view, 0.0), known_target(view))
 
 

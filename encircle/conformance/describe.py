@@ -5,7 +5,8 @@
 
 Of ``View``, ``Peer`` and ``Decision`` each field's type, default and docstring are read from the
 source. Of a shipped policy: the first sentence of its docstring, its own parameters, and what
-follows ``Payload:`` and ``Source:`` in its module's. A hunt shows how many bytes it says.
+follows ``Source:`` in it or in its module's, and ``Payload:`` in the latter. A hunt shows how
+many bytes it says.
 """
 
 import ast
@@ -82,7 +83,7 @@ def policy_row(name: str, where: str) -> str:
     own = ", ".join(f"`{parameter}`" for parameter in parameters_of(policy).model_fields)
     if own:
         own = f"[{own}](scenario.md#strategy--{name})"
-    source = sentence(docstring, "Source").removesuffix(".")
+    source = sentence(inspect.getdoc(policy) or "", "Source") or sentence(docstring, "Source")
     if not source:
         raise TypeError(f"{file}: its docstring has no paragraph 'Source: ...'")
     cells = (
@@ -90,7 +91,7 @@ def policy_row(name: str, where: str) -> str:
         line,
         own or "none",
         _said(name, docstring),
-        f"{source}; [theory](../{file})",
+        f"{source.removesuffix('.')}; [theory](../{file})",
     )
     return f"| {' | '.join(cells)} |\n"
 

@@ -48,7 +48,9 @@ def test_each_shipped_policy_has_a_row_with_parameters_payload_and_source():
     # A map of two: its head, two texts of one byte more than their letters, two small numbers.
     assert said.endswith(f"; at most {1 + 1 + len('point') + 1 + 1 + len('points') + 1} B")
     assert source.endswith("[theory](../agents/policies/intents.py)")
-    assert rows["pursuit"].split(" | ")[1:3] == ["none", "nothing"]
+    _, own, said, source = rows["pursuit"].split(" | ")
+    assert (own, said) == ("none", "nothing")
+    assert source == "our own, as a baseline; [theory](../agents/policies/paper.py)"
 
 
 def test_where_a_row_leads_is_there():
