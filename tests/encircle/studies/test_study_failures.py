@@ -25,7 +25,7 @@ def moody(memory, view):
     """Fails with some starts and not with others, unless a file says otherwise."""
     x, y = view.positions[view.own]
     cheerful = os.path.exists(os.environ.get("CHEERFUL", ""))
-    if view.own == 0 and int(abs(x) * 1e4) % 10 == 0 and not cheerful:
+    if view.robot == "r1" and int(abs(x) * 1e4) % 10 == 0 and not cheerful:
         raise ValueError("not in the mood")
     goal = view.target.position if view.target else (x, y)
     return memory, Decision("moody", (goal[0] - x, goal[1] - y), goal)

@@ -71,15 +71,18 @@ def test_in_lock_step_the_world_says_whose_policy_it_waits_for(hunt, policies):
     answer_s = max(2.0 * ANSWER_S_MAX, ample_s())
     hunt.limits = (
         *("--answer-timeout", f"{answer_s:g}"),
-        *("--set", "team.strategy=slow.py:held", "--set", "ticks_max=60"),
+        *("--set", "team.strategy=slow.py:held", "--set", "ticks_max=1000000"),
+        # Three of them are not to capture it before the fourth is back.
+        *("--set", "target.step_m_max=0.6"),
     )
     hunt.start_all()
     silent = f"lost: no answer for {answer_s:g} s"
     hunt.wait_for(lambda seen: seen == [("r2", silent)])
     hold.unlink()
     hunt.wait_for(lambda seen: seen[1:] == [("r2", "back")])
-    assert hunt.world.end() == 0
-    assert [node.end() for node in hunt.robots.values()] == [0] * 4
+    os.kill(hunt.world.pid, signal.SIGTERM)
+    assert hunt.world.end() == 1
+    assert [node.end() for node in hunt.robots.values()] == [1] * 4
     line = f"world: tick 5: robot r2 is {silent} (policy 'slow.py:held')"
     assert line in hunt.world.said.splitlines()
     (report,) = [r for r in hunt.world.reports() if "policy" in r]
