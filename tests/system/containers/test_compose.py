@@ -154,6 +154,40 @@ def test_up_runs_simulation_1_as_in_memory_and_leaves_the_recording(engine, comp
     assert (runs / "sim1-seed1-1" / "recording.mcap").stat().st_uid == 1000
 
 
+POLICY = """
+from encircle.agents.policies.paper import xi_star
+
+
+def counts(memory, view, *, start: int = 0):
+    asked = start if memory is None else memory + 1
+    decision = xi_star(None, view)[1]
+    return asked, decision._replace(say={"asked": asked})
+"""
+
+
+def test_a_policy_in_the_mounted_folder_needs_no_packaging(
+    engine, compose, runs, tmp_path, monkeypatch
+):
+    """And it must be the same file for all, which it is when all of them mount the same folder."""
+    folder = tmp_path / "files"
+    folder.mkdir()
+    folder.chmod(0o755)
+    (folder / "mine.py").write_text(POLICY)
+    (folder / "mine.py").chmod(0o644)
+    monkeypatch.chdir(folder)
+    changes = ["team.strategy=mine.py:counts", "team.policy_parameters.start=3"]
+    memory = encircle.run("sim1", link="memory", overrides=changes)
+    settings = {
+        "ENCIRCLE_HOST_RUNS": str(runs),
+        "ENCIRCLE_FILES": str(folder),
+        "ENCIRCLE_SET": ";".join(changes),
+    }
+    with Project(engine, "policy", ONE, settings, compose) as project:
+        project.up()
+        assert project.statuses() == dict.fromkeys([*NODE_KINDS, "runs"], 0), project.logs("r1")
+    assert summary(runs)["digest"] == memory.digest
+
+
 def test_a_second_up_records_beside_the_first(engine, runs):
     settings = {"ENCIRCLE_HOST_RUNS": str(runs), "ENCIRCLE_SEED": "7"}
     with Project(engine, "twice", ONE, settings) as project:
