@@ -140,7 +140,7 @@ def coast_to(track: Track, tick: int, tick_s: float, parameters: Parameters) -> 
     """
     next_tick = track.first_tick + len(track.entries)
     if tick - next_tick > parameters.track_age_ticks_max:
-        return EMPTY_TRACK._replace(first_tick=tick, dropped=track.dropped)
+        return track._replace(first_tick=tick, base=None, entries=(), detected_tick=-1)
     for passed in range(next_tick, tick):
         track = incorporate(track, (), passed, tick_s, parameters)
     return track

@@ -97,11 +97,12 @@ def closed_ring(
 
 def _gaps(own: int, bearings: Sequence[float], ring: Sequence[Slack]) -> tuple[float, float]:
     """The gaps in rad from this robot to its neighbours counter-clockwise and clockwise."""
-    ccw_rad = cw_rad = 2.0 * pi
-    for gap in ring:
-        if gap.after == gap.before:
-            break
-        width_rad = (bearings[gap.before] - bearings[gap.after]) % (2.0 * pi)
+    widths_rad = [(bearings[gap.before] - bearings[gap.after]) % (2.0 * pi) for gap in ring]
+    if not any(widths_rad):
+        # Whoever stands alone, or all in one line: one gap is the whole turn.
+        widths_rad[-1] = 2.0 * pi
+    ccw_rad = cw_rad = 0.0
+    for gap, width_rad in zip(ring, widths_rad, strict=True):
         if gap.after == own:
             ccw_rad = width_rad
         if gap.before == own:

@@ -10,7 +10,8 @@ all know an entry as many ticks after it was made as the network's diameter has 
 
 An entry of a robot goes when the robot is not planned with and its entry is older than a given
 age. Who is *present*: whoever is planned with or has an entry. ``ENTRIES_MAX`` entries fit into a
-packet for sure; a larger team says its own entry each time and the others in turn.
+packet for sure; a larger team says its own entry each time and the others in turn, packet by
+packet.
 """
 
 from collections.abc import Iterator, Mapping
@@ -87,7 +88,7 @@ def say_entries(entries: Entries, view: View, key: str) -> dict[str, Any]:
     robots = [robot for robot in entries if robot != own]
     room = ENTRIES_MAX - 1
     if len(robots) > room:
-        start = view.tick * room % len(robots)
+        start = view.tick // view.parameters.publish_every_ticks * room % len(robots)
         robots = [*robots[start:], *robots[:start]][:room]
     if own in entries:
         robots = [own, *robots]

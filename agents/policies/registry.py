@@ -20,17 +20,22 @@ def policy_named(
     ``source``: the SHA-256 of the file that it must be in, any if empty; ``PluginLoadError`` if it
     is in another one.
     """
-    # Of a file there may be another version by now; what is installed stays as it is.
-    policy = REGISTRY.named(name) if is_in_file(name) else _installed(name)
-    if source and (here := source_digest(policy)) != source:
+    if is_in_file(name):
+        # Of a file there may be another version by now: it is imported anew.
+        policy = REGISTRY.named(name)
+        here = source_digest(policy) if source else ""
+    else:
+        policy, here = _installed(name)
+    if source and here != source:
         raise PluginLoadError(
             f"its source here has SHA-256 {here[:SHOWN_DIGITS] or 'none'}, the world's"
-            f" {source[:SHOWN_DIGITS]}: put the world's file on this host"
+            f" {source[:SHOWN_DIGITS]}: put the world's file on this host and restart this process"
         )
     return partial(policy, **parameters) if parameters else policy
 
 
 @lru_cache(maxsize=64)
-def _installed(name: str) -> Policy:
+def _installed(name: str) -> tuple[Policy, str]:
+    """The policy, which stays as it is once imported, and the digest of its source at that time."""
     policy: Policy = REGISTRY.named(name)
-    return policy
+    return policy, "" if name in SHIPPED_POLICIES else source_digest(policy)

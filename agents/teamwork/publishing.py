@@ -11,7 +11,8 @@ while it receives nothing.
 Left out: packets are not acknowledged, so after a loss only the age of the last packet brings the
 next one. That the target is out of sight again is no event, since no receiver's picture depends on
 it. Detections by others are relayed with the next packet, and cause none. A detection at a tick
-without a packet serves this robot alone: it is not sent later.
+without a packet serves this robot alone: it is not sent later. Nor is what a policy says at such a
+tick, whatever it is: it is no event.
 """
 
 from math import dist

@@ -8,8 +8,10 @@ import msgpack
 
 from encircle.protocol.parameters import Parameters, Problems
 from encircle.protocol.plugins import SHIPPED_POLICIES, STRATEGIES, PluginLoadError, Registry
+from encircle.protocol.wire.checks import parameters as parameters_received
+from encircle.protocol.wire.limits import NUMBER_MAX
 from encircle.world.loading.channel_consistency import problems_of_radio
-from encircle.world.scenario.fields import ROBOTS_MAX
+from encircle.world.scenario.fields import ROBOTS_MAX, shown
 from encircle.world.scenario.model import Scenario
 from encircle.world.scenario.plugin_parameters import check_parameters
 from encircle.world.targets.behaviours import REGISTRY as BEHAVIOURS
@@ -112,7 +114,20 @@ def _policy(table: str, name: str, parameters: Mapping[str, Any]) -> list[str]:
     if name in SHIPPED_POLICIES and not parameters:
         # It needs none; and a world need not import what only robots use.
         return []
-    return _plugin(POLICIES, f"{table}.strategy", name, f"{table}.policy_parameters", parameters)
+    key = f"{table}.policy_parameters"
+    problems = _plugin(POLICIES, f"{table}.strategy", name, key, parameters)
+    if problems:
+        return problems
+    try:
+        # As robots receive them, who would refuse the whole setup.
+        parameters_received(msgpack.unpackb(msgpack.packb(parameters), use_list=False))
+    except OverflowError:
+        must = f"made of numbers between {-NUMBER_MAX:g} and {NUMBER_MAX:g}"
+    except ValueError as error:
+        must = str(error)
+    else:
+        return []
+    return [f"{key} = {shown(parameters)}: must be {must}, to be sent to robots"]
 
 
 def _plugin(
@@ -121,13 +136,10 @@ def _plugin(
     """What is wrong with a plug-in's name, or with its own parameters."""
     try:
         check_parameters(registry.named(name), parameters)
-        msgpack.packb(parameters)
     except Problems as error:
         return [f"{parameters_key}.{problem} ({key} = {name!r})" for problem in error.lines]
     except (ValueError, PluginLoadError) as error:
         return [f"{key} = {name!r}: {error}"]
-    except (TypeError, OverflowError) as error:
-        return [f"{parameters_key}: cannot be sent to robots: {error}"]
     return []
 
 

@@ -17,6 +17,7 @@ become ``burst_packets`` with a packet for each tick.
 import sys
 import tomllib
 from collections.abc import Mapping
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -68,7 +69,11 @@ def expanded(tree: Any) -> list[str]:
     loss = channel.get("loss")
     if isinstance(loss, dict) and "burst_s" in loss:
         burst_s = loss.pop("burst_s")
-        loss.setdefault("burst_packets", _burst_packets(burst_s, loss.get("rate"), tree))
+        is_sound = type(burst_s) in (int, float) and 0.0 < burst_s < inf
+        burst_packets = _burst_packets(burst_s if is_sound else 1.0, loss.get("rate"), tree)
+        loss.setdefault("burst_packets", burst_packets)
+        if not is_sound:
+            return [f"channel.loss.burst_s = {shown(burst_s)}: must be a number above 0, in s"]
     return []
 
 

@@ -6,6 +6,7 @@ robot an import.
 """
 
 import inspect
+import json
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
@@ -14,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from encircle.protocol.parameters import Meaning, Problems, Range
 from encircle.protocol.plugins import error_line
+from encircle.world.scenario.fields import shown
 from encircle.world.scenario.validation import problems_in
 
 Function = Callable[..., Any]
@@ -37,10 +39,25 @@ def check_parameters(function: Function, parameters: Mapping[str, Any]) -> None:
         # They are other people's code.
         raise ValueError(f"its parameters cannot be understood: {error_line(error)}") from None
     tree = dict(parameters)
+    if lines := [
+        f"{name} = {shown(value)}: must be made of numbers, texts, truth values, lists and tables"
+        for name, value in tree.items()
+        if not _is_plain(value)
+    ]:
+        raise Problems(lines)
     try:
-        model.model_validate(tree)
+        # The function gets what was written, so "5" must not pass for 5; lists may be tuples.
+        model.model_validate_json(json.dumps(tree), strict=True)
     except ValidationError as error:
         raise Problems(list(problems_in(error, model, tree).values())) from None
+
+
+def _is_plain(value: Any) -> bool:
+    try:
+        json.dumps(value).encode()
+    except (TypeError, ValueError, RecursionError):
+        return False
+    return True
 
 
 class WrongForm(ValueError):

@@ -340,8 +340,11 @@ def test_ticks_left_out_are_as_ticks_in_which_nothing_was_heard(missed):
 def test_a_track_left_alone_for_longer_than_targets_are_remembered_starts_anew():
     known = folded([(k, (k, 0, 0.3 * k, 1.0)) for k in range(8)], 7)
     tick = 9 + P.track_age_ticks_max
+    known = known._replace(dropped=2, told_ticks=((1, 7),))
     track = incorporate(coast_to(known, tick, TICK_S, P), (), tick, TICK_S, P)
     assert track.estimate is None
+    # What has come already would not be new if it came once more.
+    assert (track.dropped, track.told_ticks) == (2, ((1, 7),))
     assert track.detected_tick == -1
     seen = incorporate(track, [(tick + 1, 2, 5.0, 6.0)], tick + 1, TICK_S, P)
     assert (seen.estimate.x, seen.estimate.y) == (5.0, 6.0)

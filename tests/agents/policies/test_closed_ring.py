@@ -42,6 +42,15 @@ def in_and_aside(seen, step):
     return -(step[0] * x + step[1] * y) / distance, (step[1] * x - step[0] * y) / distance
 
 
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_robots_in_one_line_with_the_target_leave_it_to_both_sides(count):
+    # Between the last of them and the first is the whole turn, not nothing.
+    line = [(5.0 + 2.0 * k, 0.0) for k in range(count)]
+    aside = [in_and_aside(view(line, k), decided(view(line, k)).step)[1] for k in range(count)]
+    assert min(aside) < -0.1
+    assert max(aside) > 0.1
+
+
 def lesser_slack(bearing, others, half_rad):
     """The lesser of a robot's two slacks were it at ``bearing``, all half-angles being equal."""
     ahead = min((other - bearing) % (2 * pi) for other in others)

@@ -1,6 +1,7 @@
 """What spreads between robots, whatever happens to it under way; and the way to a point at xi*."""
 
 import random
+from dataclasses import replace
 from math import exp, hypot, pi, sin
 
 import msgpack
@@ -146,6 +147,19 @@ def test_a_larger_team_says_its_own_entry_always_and_the_others_in_turn():
     ]
     assert all(turn[0] == OWN and len(turn) == ENTRIES_MAX for turn in turns)
     assert {robot for turn in turns for robot in turn} == set(range(count))
+
+
+def test_the_turns_are_those_of_packets_that_are_published():
+    count, every = 2 * ENTRIES_MAX - 1, 2
+    known = {robot: (50, robot) for robot in range(count)}
+    seen = view(count=count)
+    seen = seen._replace(parameters=replace(seen.parameters, publish_every_ticks=every))
+    said = {
+        entry[0]
+        for tick in range(50, 54, every)
+        for entry in say_entries(known, seen._replace(tick=tick), KEY)[KEY]
+    }
+    assert said == set(range(count))
 
 
 @pytest.mark.parametrize("policy", [auction, hungarian_consensus])

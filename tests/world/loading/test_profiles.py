@@ -202,3 +202,13 @@ def test_figures_that_follow_from_their_sources_follow():
     delay = known["4g"]["delay"]
     spread = sqrt(log(1 + (delay["std_s"] / delay["mean_s"]) ** 2))
     assert delay["mean_s"] * exp(-(spread**2) / 2) == pytest.approx(0.119, rel=0.02)
+
+
+@pytest.mark.parametrize("burst_s", ["long", -1.0, 0.0, float("nan"), float("inf"), [1.0], True])
+def test_bursts_that_are_no_length_of_time_are_refused_in_one_line(burst_s):
+    tree = {"team": {"robots": 4}, "channel": {"profile": "4g", "loss": {"burst_s": burst_s}}}
+    with pytest.raises(ScenarioError) as caught:
+        load(tree)
+    assert str(caught.value).splitlines()[1:] == [
+        f"  channel.loss.burst_s = {burst_s!r}: must be a number above 0, in s"
+    ]

@@ -264,6 +264,29 @@ def test_of_a_target_of_ones_own_as_well(annotation, values):
         assert ITS_WORDS.search(str(caught.value)) is None, caught.value
 
 
+@pytest.mark.parametrize(
+    ("annotation", "value"),
+    [(int, "5"), (int, True), (int, 5.0), (float, "0.5"), (bool, "no"), (bool, 0), (str, 3)],
+)
+def test_ones_own_parameter_is_not_taken_for_another_type_since_it_is_given_as_written(
+    annotation, value
+):
+    def policy(memory, view, *, gain):
+        return memory, None
+
+    policy.__annotations__["gain"] = annotation
+    with pytest.raises(ValueError, match=r"^gain = .*: must be "):
+        check_parameters(policy, {"gain": value})
+
+
+def test_whole_numbers_are_numbers_and_lists_are_tuples_in_ones_own_parameters():
+    def policy(memory, view, *, gain: float, at: tuple[float, float], way: Literal["a", "b"]):
+        return memory, None
+
+    check_parameters(policy, {"gain": 1, "at": [1, 2.5], "way": "a"})
+    check_parameters(policy, {"gain": 1, "at": (1, 2.5), "way": "b"})
+
+
 def test_a_behaviour_whose_annotations_make_no_sense_is_named():
     def behaviour(memory, view, *, gain: "Nowhere"):  # noqa: F821
         return memory, (0.0, 0.0)
