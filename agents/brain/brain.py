@@ -100,7 +100,8 @@ def step(
     state, missed_ticks = _skip_to(state, observation.tick, config)
     # Arrival order is never information.
     ranked = [(p.tick, indices[p.robot], p.sequence, k) for k, p in enumerate(packets)]
-    received = [(index, packets[k]) for _, index, _, k in sorted(ranked)]
+    ranked.sort()
+    received = [(index, packets[k]) for _, index, _, k in ranked]
     seen = [(indices[robot], x, y) for robot, x, y in observation.seen]
     tick, own = observation.tick, indices[config.robot]
     peers = team.incorporate(state.peers, received, seen, tick, config.tick_s)
@@ -169,7 +170,9 @@ def step(
         (quantise_m(decision.goal[0]), quantise_m(decision.goal[1])),
         (quantise_m(estimate.x), quantise_m(estimate.y)) if estimate else None,
         decision.predictor,
-        tuple([config.team[index] for index in planned_team.members]),
+        config.team
+        if len(planned_team.members) == len(config.team)
+        else tuple([config.team[index] for index in planned_team.members]),
         pose is not None,
     )
     goal = None if decision.point is None else command.goal

@@ -12,8 +12,11 @@ from encircle.protocol.messages import QUANTUM_M, Observation, PoseCarrier, Setu
 
 def problem_of(observation: Observation, setup: Setup, config: RobotConfig) -> str | None:
     """What is wrong with an observation for a robot that has had a setup; None if nothing."""
-    problem = _misnamed("seen", [name for name, _, _ in observation.seen], config)
-    problem = problem or _misnamed("lost", observation.lost, config)
+    problem = None
+    if observation.seen:
+        problem = _misnamed("seen", [name for name, _, _ in observation.seen], config)
+    if observation.lost and problem is None:
+        problem = _misnamed("lost", observation.lost, config)
     if problem is not None:
         return problem
     farthest_m, range_m = max(observation.scan, default=0.0), config.parameters.sensing_range_m

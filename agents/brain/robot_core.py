@@ -185,7 +185,7 @@ class RobotCore:
         packets = self._packets_of(observation, brain.indices_of(self.config.team))
         self.state, action = brain.step(self.state, observation, packets, self.config)
         self.mode = action.command.mode
-        counts = dict(sorted(self.refused.items()))
+        counts = dict(sorted(self.refused.items())) if self.refused else {}
         if self.state.track.dropped:
             counts["late-detection"] = self.state.track.dropped
         if counts:

@@ -105,7 +105,10 @@ def incorporate(
     late_tick = tick - 1 if parameters.late_detections == "ignore" else first
     by_tick: dict[int, list[Detection]] = {}
     for detection in detections:
-        by_tick.setdefault(detection[0], []).append(detection)
+        if (of_tick := by_tick.get(detection[0])) is None:
+            by_tick[detection[0]] = [detection]
+        else:
+            of_tick.append(detection)
     for heard_tick, arrived in by_tick.items():
         index = heard_tick - first
         if index < 0:

@@ -10,7 +10,7 @@ from encircle.agents.policies.interface import Decision
 from encircle.protocol.messages import CommandMode
 from encircle.protocol.plugins import InvalidPluginResult, pair_of_m, shown
 from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, TEXT_MAX
-from encircle.protocol.wire.payload import NOTHING_SAID, FrozenMap, payload
+from encircle.protocol.wire.payload import FrozenMap, payload
 
 _KEPT_MODES = tuple(map(str, CommandMode))
 
@@ -32,6 +32,8 @@ def validated(answer: Any) -> tuple[Any, Decision]:
         )
     if predictor is not None:
         _check_text("predictor", predictor)
+    if say is None and _is_plain(step, goal, xi, point):
+        return memory, answer[1]
     return memory, Decision(
         mode,
         pair_of_m("step", step),
@@ -39,7 +41,22 @@ def validated(answer: Any) -> tuple[Any, Decision]:
         xi if xi is None else _prediction_step(xi),
         point if point is None else _point(point),
         predictor,
-        NOTHING_SAID if say is None else _payload(say),
+        None if say is None else _payload(say),
+    )
+
+
+def _is_plain(step: Any, goal: Any, xi: Any, point: Any) -> bool:
+    """Whether the numbers are as they are to be, as most are; else it takes a longer look."""
+    if not (type(step) is type(goal) is tuple and len(step) == len(goal) == 2):
+        return False
+    (x, y), (goal_x, goal_y) = step, goal
+    return (
+        type(x) is type(y) is type(goal_x) is type(goal_y) is float
+        # NaN is not between anything.
+        and -NUMBER_MAX < x < NUMBER_MAX > y > -NUMBER_MAX
+        and -NUMBER_MAX < goal_x < NUMBER_MAX > goal_y > -NUMBER_MAX
+        and (xi is None or (type(xi) is float and -NUMBER_MAX < xi < NUMBER_MAX))
+        and (point is None or (type(point) is int and 0 <= point <= COUNT_MAX))
     )
 
 
