@@ -10,6 +10,7 @@ from math import exp
 
 from encircle.protocol.parameters import Parameters
 from encircle.world.arena.capture import ROBOTS_MIN, robots_within_max
+from encircle.world.channel.contention import VULNERABLE_PACKETS
 from encircle.world.scenario.channel_model import Crash, delay_parts
 from encircle.world.scenario.delay_models import ConstantDelay
 from encircle.world.scenario.model import Scenario
@@ -121,8 +122,7 @@ def _contention(scenario: Scenario) -> list[str]:
     if contention is None or others < 1:
         return []
     load = others * contention.packet_s / scenario.tick_s
-    vulnerable = 1.0 if contention.access == "slotted-aloha" else 2.0
-    passing = exp(-vulnerable * load)
+    passing = exp(-VULNERABLE_PACKETS[contention.access] * load)
     if passing >= PASSING_MIN:
         return []
     return [

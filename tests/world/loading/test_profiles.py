@@ -7,9 +7,11 @@ from math import exp, log, sqrt
 import pytest
 from helpers_paths import DOCS
 
+import encircle
 from encircle.studies.plan_files import load_plan
 from encircle.world.loading.load import load
 from encircle.world.loading.profiles import current, expanded, profiles
+from encircle.world.loading.remarks import ScenarioRemark
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import digest_header
 
@@ -212,3 +214,16 @@ def test_bursts_that_are_no_length_of_time_are_refused_in_one_line(burst_s):
     assert str(caught.value).splitlines()[1:] == [
         f"  channel.loss.burst_s = {burst_s!r}: must be a number above 0, in s"
     ]
+
+
+def test_what_the_profile_of_lora_advises_against_its_collisions_helps():
+    def delivered(*overrides):
+        scene = {"team": {"robots": 4}, "ticks_max": 200, "channel": {"profile": "lora"}}
+        with pytest.warns(ScenarioRemark):
+            result = encircle.run(load(scene, ["target.behaviour=still", *overrides])).result
+        return result.packets_delivered / result.packets_sent
+
+    together, spread = delivered("robot.publish_every_ticks=10"), delivered("robot.publish=event")
+    assert together < 0.02
+    assert spread > 0.2
+    assert 'Use `robot.publish = "event"`' in profiles()["lora"].fitted
