@@ -128,6 +128,8 @@ def step(
         search = state.search or Search(*observation.position, tick)
         searching = _search(search, observation, config)
     x, y = observation.position
+    before_x, before_y = state.position or observation.position
+    ticks = 1 + missed_ticks
     view = View(
         tick,
         config.tick_s,
@@ -140,7 +142,7 @@ def step(
         partial(extrapolate, track, config.tick_s, config.parameters),
         config.parameters,
         state.goal,
-        (x - state.position[0], y - state.position[1]) if state.position else (0.0, 0.0),
+        ((x - before_x) / ticks, (y - before_y) / ticks),
         planned_team.members,
         tuple([packet for _, packet in received]),
         None if estimate is None else tick - track.detected_tick,

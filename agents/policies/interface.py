@@ -90,7 +90,8 @@ class View(NamedTuple):
     previous_goal: Point | None = None
     """The encirclement point it headed for at the tick before, in m, None if for none."""
     last_step: Point = (0.0, 0.0)
-    """What it did since the tick before, in m."""
+    """Its displacement from the tick before, in m; the mean of one per tick where, by the clock,
+    ticks were left out."""
     members: tuple[int, ...] = ()
     """Who ``positions`` are of, as indices into ``team``."""
     heard: tuple[Pose, ...] = ()

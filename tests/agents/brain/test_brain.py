@@ -378,6 +378,21 @@ def test_by_the_clock_a_brain_that_missed_ticks_knows_what_time_it_is():
     assert again.track.first_tick + len(again.track.entries) == 12
 
 
+@pytest.mark.parametrize("missed", [0, 1, 4])
+def test_by_the_clock_the_last_step_is_one_of_a_tick(missed):
+    seen = []
+
+    def watching(memory, view):
+        seen.append(view.last_step)
+        return memory, Decision("watch", (0.0, 0.0), view.position)
+
+    part = replace(config(), policy=watching)
+    state, _ = run_brain(part, [observation(tick=0, position=(1.0, 2.0))], None)
+    moved = (1.0 + 0.25 * (1 + missed), 2.0 - 0.125 * (1 + missed))
+    step(state, observation(tick=1 + missed, position=moved), [], part)
+    assert seen == [(0.0, 0.0), (0.25, -0.125)]
+
+
 def test_by_the_clock_event_triggered_packets_are_due_as_if_the_ticks_had_passed():
     part = config(publish="event", publish_age_ticks_max=10)
     state, _ = run_brain(part, [observation(tick=k) for k in range(3)], None)

@@ -220,7 +220,9 @@ def test_what_the_profile_of_lora_advises_against_its_collisions_helps():
     def delivered(*overrides):
         scene = {"team": {"robots": 4}, "ticks_max": 200, "channel": {"profile": "lora"}}
         with pytest.warns(ScenarioRemark):
-            result = encircle.run(load(scene, ["target.behaviour=still", *overrides])).result
+            result = encircle.run(
+                load(scene, ["target.behaviour=still", *overrides]), link="memory"
+            ).result
         return result.packets_delivered / result.packets_sent
 
     together, spread = delivered("robot.publish_every_ticks=10"), delivered("robot.publish=event")
