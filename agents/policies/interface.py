@@ -90,8 +90,7 @@ class View(NamedTuple):
     previous_goal: Point | None = None
     """The encirclement point it headed for at the tick before, in m, None if for none."""
     last_step: Point = (0.0, 0.0)
-    """Its displacement from the tick before, in m; the mean of one per tick where, by the clock,
-    ticks were left out."""
+    """What it did since the tick before, in m; per tick, where by the clock some were left out."""
     members: tuple[int, ...] = ()
     """Who ``positions`` are of, as indices into ``team``."""
     heard: tuple[Pose, ...] = ()
