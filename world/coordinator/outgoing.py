@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from encircle.protocol.codec import encode
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.messages import End, Observation, PoseCarrier, Radio, Setup
-from encircle.protocol.plugins import policy_source
 from encircle.protocol.wire.limits import REASON_MAX
 from encircle.world.arena.engine import Arena
 from encircle.world.channel.channel import Fates
@@ -21,8 +20,13 @@ from encircle.world.channel.channel import Fates
 Outgoing = list[tuple[str, bytes]]
 
 
-def setup_message(arena: Arena, run: str, robot: str, tick: int) -> tuple[str, bytes]:
-    """A robot's setup; it observes and answers from ``tick`` on."""
+def setup_message(
+    arena: Arena, run: str, robot: str, tick: int, policy_source: str
+) -> tuple[str, bytes]:
+    """A robot's setup; it observes and answers from ``tick`` on.
+
+    ``policy_source``: the SHA-256 of the file that its policy is in, "" for any.
+    """
     scenario = arena.scenario
     setup = Setup(
         robot,
@@ -34,7 +38,7 @@ def setup_message(arena: Arena, run: str, robot: str, tick: int) -> tuple[str, b
         tick,
         tick,
         scenario.policy_parameters_of(robot),
-        policy_source(scenario.strategy_of(robot)),
+        policy_source,
     )
     return robot_key(run, robot, "setup"), encode(setup, run)
 

@@ -16,7 +16,7 @@ import numpy as np
 from encircle.protocol.endings import EndReason, failure_reason
 from encircle.protocol.lockstep import LockStep
 from encircle.protocol.messages import Observation
-from encircle.protocol.plugins import PluginFailed
+from encircle.protocol.plugins import PluginFailed, policy_source
 from encircle.world.arena import engine
 from encircle.world.channel.channel import Fates
 from encircle.world.channel.delay_means import requested_delay
@@ -54,6 +54,7 @@ class RoundEngine:
         self.open_round = OpenRound(run)
         self.ended: str | None = None
         self.plugin_failure: PluginFailed | None = None
+        self._sources: dict[str, str] = {}
 
     @property
     def lost(self) -> tuple[str, ...]:
@@ -187,4 +188,9 @@ class RoundEngine:
         )
 
     def _setup(self, robot: str) -> tuple[str, bytes]:
-        return setup_message(self.arena, self.run, robot, max(self.table.tick, 0))
+        policy = self.arena.scenario.strategy_of(robot)
+        if policy not in self._sources:
+            # Once in a run, so that who comes back later has the policy that the others have.
+            self._sources[policy] = policy_source(policy)
+        tick = max(self.table.tick, 0)
+        return setup_message(self.arena, self.run, robot, tick, self._sources[policy])
