@@ -116,7 +116,9 @@ def _loaded(load: Callable[[], Any], source: str) -> Any:
         loaded = load()
     except FileProblem as error:
         raise PluginLoadError(str(error)) from None
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise PluginLoadError(f"{source} cannot be loaded: {error_line(error)}") from error
     if not callable(loaded):
         raise PluginLoadError(f"{source} is {type(loaded).__name__}, must be a function")

@@ -296,7 +296,9 @@ def _decide(memory: Any, view: View, config: RobotConfig) -> tuple[Any, Decision
     """
     try:
         return validated(config.policy(memory, view))
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise PluginFailed(STRATEGIES, config.name, config.robot, view.tick, error) from error
 
 

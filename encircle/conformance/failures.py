@@ -36,7 +36,9 @@ def guarded(
     """The result of a check in which a policy may raise although it did not in the hunt."""
     try:
         return [check(subject, parts)]
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         place = subject.place_in(error)
         if not place and not isinstance(error, InvalidPluginResult):
             raise
@@ -110,7 +112,9 @@ def with_target(view: View) -> View:
 def _answers(subject: Subject, memory: Any, view: View) -> bool:
     try:
         subject.ask(memory, view)
-    except Exception:
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
         return False
     return True
 
@@ -118,7 +122,9 @@ def _answers(subject: Subject, memory: Any, view: View) -> bool:
 def _advice_on_answer(subject: Subject, failure: Failure) -> str:
     try:
         answer = subject.ask(failure.memory, failure.view)
-    except Exception:
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
         return PAIR_ADVICE
     if isinstance(answer, Decision):
         return f"it answers a Decision alone: {PAIR_ADVICE}"

@@ -159,7 +159,9 @@ def answers_in_process(
                 return answers_by_tick(policy, views)
             each = [of_part for of_scene in views for of_part in of_scene]
             return [answers_of(policy, of_part) for of_part in each[::-1]][::-1]
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         return f"it raises {error_line(error)}"
 
 

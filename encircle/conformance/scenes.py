@@ -134,7 +134,9 @@ class _Witness:
                 answer = self.policy(memory, view)
             remembered, decision = validated(answer)
             seen = Answer(digest_of(remembered), digest_of(decision))
-        except (Exception, SystemExit, TooSlow) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             self.recorded.failures.append(Failure(part.scene, part.robot, view, memory, error))
             raise
         after = snapshot(memory), snapshot(view)

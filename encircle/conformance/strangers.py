@@ -64,7 +64,9 @@ def problem_with(subject: Subject, part: Participation, alter: Alter) -> str:
             memory, _ = validated(subject.ask(memory, alter(view) if first <= k < last else view))
         except InvalidPluginResult as error:
             return f"its answer is {error}"
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             later = " a little later" if k >= last else ""
             return f"it raises{later} {error_line(error)}{subject.place_in(error)}"
     return ""

@@ -254,7 +254,9 @@ def _measured(log: "RunLog", name: str) -> float:
         return number
     try:
         return _number(function(log))
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         base = split_name(name)[0]
         raise PluginFailed(MEASURES_GROUP, base, "", None, error) from error
 

@@ -75,13 +75,19 @@ def exit_process(status: int) -> NoReturn:
     """End the process; what comes now changes nothing any more."""
     for number in NUMBERS:
         signal.signal(number, signal.SIG_IGN)
-    if _State.at_work:
-        # A thread that comes back from there while Python is taken down brings the process down.
+    if _State.at_work or _other_threads():
+        # A thread that comes back from there while Python is taken down brings the process down;
+        # one that other people's code has started and that never ends would keep it.
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError, AttributeError):
                 stream.flush()
         os._exit(status)
     sys.exit(status)
+
+
+def _other_threads() -> bool:
+    main = threading.main_thread()
+    return any(t is not main and not t.daemon for t in threading.enumerate())
 
 
 def end_is_known() -> None:

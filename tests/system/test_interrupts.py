@@ -304,3 +304,15 @@ exit_process(3)
     for how, expected in (("done", "the last wordtaken down\n"), ("at work", "the last word")):
         done = completed([sys.executable, "-c", program, how])
         assert (done.returncode, done.stdout, done.stderr) == (3, expected, "")
+
+
+def test_a_thread_that_other_peoples_code_has_started_does_not_keep_a_process_that_ends():
+    program = """
+import threading
+from encircle.protocol.process.interrupts import exit_process
+threading.Thread(target=threading.Event().wait).start()
+print("the last word", end="")
+exit_process(3)
+"""
+    done = completed([sys.executable, "-c", program])
+    assert (done.returncode, done.stdout, done.stderr) == (3, "the last word", "")

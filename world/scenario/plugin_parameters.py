@@ -8,7 +8,7 @@ robot an import.
 import inspect
 import json
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
@@ -81,13 +81,22 @@ def parameters_of(function: Function) -> type[BaseModel]:
         raise WrongForm(
             f"it takes {signature}, must take (memory, view), and its own parameters after a *"
         ) from None
-    hints = get_type_hints(function, include_extras=True)
+    hints = get_type_hints(_annotated(function), include_extras=True)
     wanted: dict[str, Any] = {
         name: (_constrained(hints.get(name, Any)), ... if p.default is p.empty else p.default)
         for name, p in signature.parameters.items()
         if p.kind is p.KEYWORD_ONLY
     }
     return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **wanted)
+
+
+def _annotated(function: Function) -> Function:
+    """The function whose annotations are those of a callable, which may be an object."""
+    while isinstance(function, partial):
+        function = function.func
+    function = inspect.unwrap(function)
+    known = inspect.isroutine(function) or inspect.isclass(function)
+    return function if known else type(function).__call__
 
 
 _parameters_of_function = lru_cache(maxsize=64)(parameters_of)

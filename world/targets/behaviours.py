@@ -147,7 +147,9 @@ def act(
         if not isinstance(answer, tuple) or len(answer) != 2:
             raise InvalidPluginResult(f"{shown(answer)}: must be what it remembers, and a step")
         return answer[0], pair_of_m("step", answer[1])
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise PluginFailed(TARGETS, name, TARGET, view.tick, error) from error
 
 

@@ -200,6 +200,15 @@ def drawing(text):
     return DRAWS.replace("{}", text)
 
 
+EXIT = ("decisions", "raises SystemExit: enough", "view.peers")
+OWN_ERROR = """
+class Own(BaseException):
+    pass
+
+
+def policy(memory, view):
+    raise Own("mine")
+"""
 MISTAKES = {
     "decision alone": (
         returning("_default(None, view)[1]"),
@@ -208,6 +217,8 @@ MISTAKES = {
         "Decision alone",
     ),
     "nothing returned": (returning("None"), "decisions", "answers None", "without a return"),
+    "exit": ('\ndef policy(memory, view):\n    raise SystemExit("enough")\n', *EXIT),
+    "error of its own": (OWN_ERROR, "decisions", "raises Own: mine", "view.peers"),
     "swapped": (
         returning("_default(None, view)[::-1]"),
         "decisions",

@@ -51,6 +51,14 @@ def leaves(memory, view):
     raise SystemExit("enough")
 
 
+class Own(BaseException):
+    pass
+
+
+def raises_own(memory, view):
+    raise Own("mine")
+
+
 def nan_step(memory, view):
     return chase(view, (nan, 0.0))
 
@@ -117,7 +125,7 @@ number = 3
 """
 SAYING = ("too_large", "not_packable", "nan_said", "bytes_keys", "too_deep", "no_map", "half_text")
 STRATEGIES = ("raises", "leaves", "nan_step", "long_step", "no_choice", "wild_point", "no_pair")
-STRATEGIES += SAYING
+STRATEGIES += ("raises_own", *SAYING)
 TARGETS = ("tires", "nan_target", "no_step")
 ENTRIES = (
     *(f"strategies {name} = failing:{name}" for name in STRATEGIES),
@@ -131,6 +139,7 @@ ENTRIES = (
 SAID = {  # with a tilde for what is left out
     "raises": "ZeroDivisionError: division by nothing",
     "leaves": "SystemExit: enough",
+    "raises_own": "Own: mine",
     "nan_step": "answered step = (nan, 0.0): must be two numbers",
     "long_step": "answered step = (0.1, 0.0, 0.0): must be two numbers",
     "no_choice": "answered (0.1, 0.0): must be what it remembers, and a Decision",

@@ -7,11 +7,13 @@ import copy
 import datetime
 import re
 import types
+from functools import partial
 from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hints
 
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
+from encircle.protocol.parameters import Problems, Range
 from encircle.studies.plan import Plan, StudyError
 from encircle.studies.plan_files import load_plan
 from encircle.world.loading.load import load
@@ -438,3 +440,19 @@ def test_an_unknown_kind_of_error_is_not_told_in_foreign_words():
         Strange.model_validate({"when": "x"})
     found = problems_in(caught.value, Strange, {"when": "x"})
     assert found == {("when",): f"when = 'x': {OTHERWISE}"}
+
+
+class Weighted:
+    """A policy that is an object: its parameters are those of its call."""
+
+    def __call__(self, memory, view, *, weight: Annotated[float, Range(0.0, 1.0)] = 0.5):
+        raise NotImplementedError("only its parameters are asked for")
+
+
+@pytest.mark.parametrize("policy", [Weighted(), partial(Weighted(), weight=0.25)])
+def test_an_object_and_a_partial_have_the_parameters_of_what_they_call(policy):
+    check_parameters(policy, {"weight": 0.75})
+    with pytest.raises(Problems) as refused:
+        check_parameters(policy, {"weight": 2.0})
+    (line,) = refused.value.lines
+    assert line.startswith("weight")
