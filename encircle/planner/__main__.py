@@ -12,6 +12,7 @@ from encircle.studies.plan import StudyError
 from encircle.studies.plan_files import load_plan
 
 PROGRESS_EVERY = 100
+SUMMARY = "How often an omniscient planner captures the target from the starts of a study."
 
 
 def _count(text: str) -> int:
@@ -22,7 +23,7 @@ def _count(text: str) -> int:
 
 def main(arguments: list[str]) -> int:
     """Print the table of a study; the exit status."""
-    parser = argparse.ArgumentParser("python -m encircle.planner", description=rows.__doc__)
+    parser = argparse.ArgumentParser("python -m encircle.planner", description=SUMMARY)
     parser.add_argument("study", help="a shipped study's name or a TOML file")
     parser.add_argument("--seeds", type=_count, help="how many, instead of the study's own number")
     parser.add_argument("--candidates", type=_count, default=CANDIDATES, help="plans per start")
@@ -33,8 +34,8 @@ def main(arguments: list[str]) -> int:
         if options.seeds is not None:
             plan = plan.model_copy(update={"seeds": options.seeds})
     except StudyError as error:
-        say_error(str(error))
-        return 1
+        say_error(*f"encircle.planner: {error}".split("\n"))
+        return 2
 
     def tell(done: int) -> None:
         if done % PROGRESS_EVERY == 0:
@@ -43,7 +44,7 @@ def main(arguments: list[str]) -> int:
     try:
         table = rows(plan, options.candidates, options.workers, tell)
     except Interrupted as error:
-        say_error(str(error))
+        say_error(f"encircle.planner: {error}")
         return 1
     names = list(table[0].levels)
     say("| " + " | ".join([*names, "captured", "95 % interval", "starts"]) + " |")
