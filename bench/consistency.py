@@ -63,12 +63,15 @@ def draw(curves: dict[tuple[float, str], np.ndarray], band: tuple[float, float],
     """NEES over time, a panel for each loss; the grey band is that of a consistent filter."""
     import matplotlib.pyplot as plt
 
+    from encircle.figures.drawing import COLOURS, MARKERS
+
     figure, panels = plt.subplots(1, len(LOSSES), sharey=True, figsize=(9.0, 3.4))
     for panel, loss in zip(panels, LOSSES, strict=True):
         panel.axhspan(*band, color="0.85")
-        for way, words in WAYS.items():
-            panel.plot(np.arange(TICKS) * TICK_S, curves[loss, way], label=words)
-        panel.set(yscale="log", xlabel="time, s", title=f"{loss:.0%} loss")
+        for k, (way, words) in enumerate(WAYS.items()):
+            marks = {"marker": MARKERS[k], "color": COLOURS[k], "markevery": (2 * k, 8), "ms": 5}
+            panel.plot(np.arange(TICKS) * TICK_S, curves[loss, way], label=words, lw=1.2, **marks)
+        panel.set(yscale="log", xlabel="time, s", title=f"{100 * loss:.0f} % loss")
     panels[0].set_ylabel("NEES, mean of 200 runs")
     panels[0].legend(fontsize="small")
     figure.tight_layout()
