@@ -1,7 +1,9 @@
 """Plug-ins that are named by their file, ``my_robots.py:auction``, without being installed.
 
 The file is looked for in the folders of ``ENCIRCLE_POLICIES`` and then in the working directory, in
-each process for itself. It may import modules that lie beside it, after all that are installed.
+each process for itself. A name comes with setups, scenarios and recordings, from strangers too: it
+reaches no file elsewhere. The file may import modules that lie beside it, after all that are
+installed.
 """
 
 import hashlib
@@ -16,6 +18,7 @@ from typing import Any
 
 FOLDERS = "ENCIRCLE_POLICIES"
 SHOWN_DIGITS = 12
+_folders: set[str] = set()
 _modules: dict[tuple[Path, str], ModuleType] = {}
 
 
@@ -29,15 +32,17 @@ def is_in_file(name: str) -> bool:
     return bool(colon) and file.endswith(".py") and bool(function)
 
 
-def function_in_file(name: str) -> Any:
+def function_in_file(name: str, digest: str = "") -> Any:
     """What ``path/file.py:function`` names; ``FileProblem`` if there is no such file or name.
 
+    ``digest``: the SHA-256 that the file must have, any if empty; another one is not imported.
     Whatever the file itself raises when it is imported is raised. A file that has changed since is
     imported anew.
     """
     function = name.rpartition(":")[2]
     path = path_of(name)
     source = _bytes_of(path)
+    check_digest(_digest(source), digest)
     module = _modules.get(key := (path, _digest(source)))
     if module is None:
         module = _modules[key] = _imported(path, source)
@@ -66,18 +71,48 @@ def source_digest(function: Callable[..., Any]) -> str:
 def path_of(name: str) -> Path:
     """The file of ``path/file.py:function``; ``FileProblem`` if there is none."""
     file = name.rpartition(":")[0]
+    if Path(file).is_absolute() or ".." in Path(file).parts:
+        raise FileProblem(
+            f"{file}: must lie below the working directory or a folder of {FOLDERS}, and be named"
+            " from there"
+        )
     folders = [*filter(None, os.environ.get(FOLDERS, "").split(os.pathsep)), str(Path.cwd())]
     for folder in folders:
-        path = Path(folder) / Path(file).expanduser()
+        path = Path(folder) / file
         if path.is_file():
             return path.resolve()
     raise FileProblem(f"there is no file {file} in {' or '.join(folders)} ({FOLDERS} adds folders)")
 
 
+def check_digest(here: str, wanted: str) -> None:
+    """``FileProblem`` if a source has another SHA-256 than is wanted; all may have it if empty."""
+    if wanted and here != wanted:
+        raise FileProblem(
+            f"its source here has SHA-256 {here[:SHOWN_DIGITS] or 'none'}, the world's"
+            f" {wanted[:SHOWN_DIGITS]}: put the world's file on this host and restart this process"
+        )
+
+
 def let_import_beside(path: Path) -> None:
-    """Let modules that lie beside a file be imported, after all others of their names."""
-    if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))
+    """Let modules that lie beside a file be imported, after all others of their names.
+
+    ``FileProblem`` if a module of such a name was imported from beside another policy's file: it
+    would stand for this one's.
+    """
+    for beside in path.parent.glob("*.py"):
+        loaded = Path(getattr(sys.modules.get(beside.stem), "__file__", None) or beside)
+        if loaded.parent != path.parent and str(loaded.parent) in _folders:
+            raise FileProblem(
+                f"{beside} cannot be imported: this process has imported {loaded}; name one of"
+                " them otherwise"
+            )
+    own = str(path.parent)
+    if own not in sys.path or own in _folders:
+        # Before those of other policies, and after all else.
+        _folders.add(own)
+        sys.path[:] = [folder for folder in sys.path if folder != own]
+        first = next((k for k, folder in enumerate(sys.path) if folder in _folders), len(sys.path))
+        sys.path.insert(first, own)
 
 
 def _bytes_of(path: Path) -> bytes:

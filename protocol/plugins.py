@@ -171,18 +171,17 @@ class Registry:
         """All names, the shipped ones first. Nothing is loaded."""
         return list(dict.fromkeys([*self.shipped, *sorted(installed(self.group))]))
 
-    def named(self, name: str) -> Any:
+    def named(self, name: str, digest: str = "") -> Any:
         """The function of that name; ``UnknownPlugin`` if there is none.
 
+        ``digest``: the SHA-256 of the file that it must be in, if its name says its file.
         ``PluginLoadError`` if it is installed, or in a file, but cannot be loaded.
         """
         if name in self.shipped:
             shipped = self.shipped[name]
             return resolve_name(shipped) if isinstance(shipped, str) else shipped
         if is_in_file(name):
-            return _loaded(partial(function_in_file, name), name)
-        if ":" in name:
-            return _loaded(partial(resolve_name, name), name)
+            return _loaded(partial(function_in_file, name, digest), name)
         plugin = installed(self.group).get(name)
         if plugin is None:
             raise UnknownPlugin(self._unknown(name))
@@ -192,7 +191,7 @@ class Registry:
         """Why that name cannot be used; empty if it can. Of plug-ins only this one is loaded."""
         if name in self.shipped:
             return ""
-        if ":" in name:
+        if is_in_file(name):
             try:
                 self.named(name)
             except PluginLoadError as error:

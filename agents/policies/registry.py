@@ -5,11 +5,10 @@ from functools import lru_cache, partial
 from typing import Any
 
 from encircle.agents.policies.interface import Policy
-from encircle.protocol.plugin_files import is_in_file, source_digest
+from encircle.protocol.plugin_files import FileProblem, check_digest, is_in_file, source_digest
 from encircle.protocol.plugins import SHIPPED_POLICIES, STRATEGIES, PluginLoadError, Registry
 
 REGISTRY = Registry(STRATEGIES, SHIPPED_POLICIES)
-SHOWN_DIGITS = 12
 
 
 def policy_named(
@@ -22,15 +21,13 @@ def policy_named(
     """
     if is_in_file(name):
         # Of a file there may be another version by now: it is imported anew.
-        policy = REGISTRY.named(name)
-        here = source_digest(policy) if source else ""
+        policy = REGISTRY.named(name, source)
     else:
         policy, here = _installed(name)
-    if source and here != source:
-        raise PluginLoadError(
-            f"its source here has SHA-256 {here[:SHOWN_DIGITS] or 'none'}, the world's"
-            f" {source[:SHOWN_DIGITS]}: put the world's file on this host and restart this process"
-        )
+        try:
+            check_digest(here, source)
+        except FileProblem as error:
+            raise PluginLoadError(str(error)) from None
     return partial(policy, **parameters) if parameters else policy
 
 

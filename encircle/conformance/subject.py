@@ -96,8 +96,6 @@ def found(name: str) -> tuple[Callable[..., Any] | None, CheckResult]:
             if isinstance(error.__context__, FileProblem):
                 raise NoSuchPolicy(f"{error}{_nearest(name)}") from None
             return None, CheckResult("policy", "wrong", str(error), f"a policy is: {FORM}")
-        if _is_nowhere(name, error.__cause__):
-            raise NoSuchPolicy(f"{name}: {error.__cause__}") from None
         return None, _not_imported(name, error.__cause__)
     problem = form_problem(function)
     if problem:
@@ -150,16 +148,6 @@ def form_problem(function: Any) -> tuple[str, str] | None:
     if any(p.kind is p.VAR_KEYWORD for p in parameters):
         return "takes any own parameters", f"name each, so that a mistyped one is refused: {FORM}"
     return None
-
-
-def _is_nowhere(name: str, cause: BaseException) -> bool:
-    """Whether ``module:function`` names a module or a function that is not there."""
-    module, colon, function = name.partition(":")
-    if not colon or is_in_file(name):
-        return False
-    if isinstance(cause, ModuleNotFoundError):
-        return f"{module}.".startswith(f"{cause.name}.")
-    return isinstance(cause, AttributeError) and repr(function) in str(cause)
 
 
 def _not_imported(name: str, cause: BaseException) -> CheckResult:

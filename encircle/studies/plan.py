@@ -31,6 +31,7 @@ from pydantic import (
 )
 
 from encircle.measures.registry import MEASURES, is_shipped, split_name
+from encircle.protocol.plugin_files import is_in_file
 from encircle.protocol.plugins import (
     GROUPS,
     MEASURES_GROUP,
@@ -324,7 +325,7 @@ class Plan(_Model):
             sorted(
                 (group, name)
                 for group, name in used
-                if ":" in name
+                if is_in_file(name)
                 # An install from before a policy was shipped has no entry point of it.
                 or (name not in SHIPPED_POLICIES and not known[group][name].shipped)
             )

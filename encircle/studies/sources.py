@@ -132,8 +132,6 @@ def _beginning(group: str, name: str, sources: _PluginSources) -> tuple[list[str
         let_import_beside(path)
         sources.files[path.name] = path
         return sorted(_imports(path)), set()
-    if ":" in name:
-        return [name.partition(":")[0].partition(".")[0]], set()
     plugin = installed(group).get(name)
     if plugin is None:
         raise FileProblem(name)

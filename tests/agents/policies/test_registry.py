@@ -2,6 +2,7 @@
 
 import hashlib
 
+import helpers_plugins as plugins
 import pytest
 
 from encircle.agents.policies.registry import policy_named
@@ -9,16 +10,18 @@ from encircle.protocol.plugins import PluginLoadError
 
 
 def test_what_was_imported_counts_not_what_its_file_has_become(tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(tmp_path)
+    plugins.put_there(tmp_path, {}, ["strategies changing = changing_policy:decide"])
+    plugins.make_importable(tmp_path, monkeypatch)
     file = tmp_path / "changing_policy.py"
     digests = []
     for text in ("older", "newer"):
         file.write_text(f"def decide(memory, view):\n    return {text!r}, None\n")
         digests.append(hashlib.sha256(file.read_bytes()).hexdigest())
         if text == "older":
-            assert policy_named("changing_policy:decide", None, digests[0])(None, None)[0] == text
+            assert policy_named("changing", None, digests[0])(None, None)[0] == text
     older, newer = digests
     # This process still has the older one.
-    assert policy_named("changing_policy:decide", None, older)(None, None)[0] == "older"
+    assert policy_named("changing", None, older)(None, None)[0] == "older"
     with pytest.raises(PluginLoadError, match=f"SHA-256 {older[:12]}, the world's {newer[:12]}"):
-        policy_named("changing_policy:decide", None, newer)
+        policy_named("changing", None, newer)
+    plugins.forget(tmp_path)

@@ -72,8 +72,8 @@ def test_a_file_that_cannot_be_imported_is_explained_with_the_line(kind, here):
         ("my_robot.py:head", "did you mean 'my_robots.py'?"),
         ("my_robots.py", "my_robots.py:head"),
         ("nowhere.py:head", "there is no file nowhere.py"),
-        ("no.where:head", "No module named 'no'"),
-        ("encircle:nowhere", "has no attribute 'nowhere'"),
+        ("no.where:head", "unknown policy"),
+        ("/my_robots.py:head", "must lie below the working directory"),
     ],
 )
 def test_a_name_of_nothing_is_bad_usage_and_the_nearest_is_named(name, near, here, capsys):

@@ -4,6 +4,7 @@
 """
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -56,7 +57,8 @@ def folder(tmp_path, monkeypatch) -> Path:
     # What would stand for Python's own, were the folder looked through first.
     (tmp_path / "own" / "types.py").write_text("raise RuntimeError('not this one')\n")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delitem(os.sys.modules, "beside", raising=False)
+    # Of another test's folder.
+    sys.modules.pop("beside", None)
     return tmp_path
 
 
@@ -102,7 +104,9 @@ def test_its_own_parameters_are_set_in_the_scenario_and_change_the_run():
         ({"team.strategy": "own/robot.py:teller"}, "there is no file own/robot.py in "),
         ({"team.strategy": "own/robots.py:plain"}, "it takes (view), must take (memory, view)"),
         ({"team.strategy": "own/empty.py:f"}, "SyntaxError"),
-        ({"team.strategy": "nowhere_at_all:f"}, "nowhere_at_all:f cannot be loaded: ModuleNot"),
+        ({"team.strategy": "colorsys:rgb_to_hsv"}, "unknown policy"),
+        ({"team.strategy": "/own/robots.py:teller"}, "must lie below the working directory or"),
+        ({"team.strategy": "own/../own/robots.py:teller"}, "must lie below the working directory"),
         ({"team.policy_parameters.gain": "high"}, "gain = 'high': must be a number"),
         ({"team.policy_parameters.gian": "1"}, "gian = 1: unknown key (did you mean 'gain'?)"),
     ],
@@ -151,6 +155,22 @@ def test_a_robot_whose_file_is_not_the_worlds_refuses_with_one_line(folder):
     assert "put the world's file on this host" in str(other.failed)
     assert other.answer(observation()).command.mode == CommandMode.FAILED
     assert same.answer(observation()).command.mode == "tell"
+
+
+def test_a_file_that_is_not_the_worlds_is_not_even_imported(folder):
+    setup = Setup("r1", ("r1",), 0.1, NAME, BODIES, policy_source=policy_source(NAME))
+    (folder / "own" / "robots.py").write_text("open('imported', 'w').close()\n")
+    assert "put the world's file on this host" in str(core_after(setup).failed)
+    assert not (folder / "imported").exists()
+
+
+def test_what_lies_beside_one_file_never_stands_for_what_lies_beside_another(folder):
+    encircle.run("sim1", link="memory", overrides=OVERRIDES)
+    (folder / "other").mkdir()
+    (folder / "other" / "robots.py").write_text(POLICY)
+    (folder / "other" / "beside.py").write_text("GAIN = 0.7\n")
+    with pytest.raises(ScenarioError, match=r"beside.py cannot be imported: this process has"):
+        encircle.run("sim1", link="memory", overrides=["team.strategy=other/robots.py:teller"])
 
 
 def test_a_source_is_that_of_the_file_and_a_shipped_policy_has_none(folder):
