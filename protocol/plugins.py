@@ -208,8 +208,10 @@ class Registry:
         return ""
 
     def _unknown(self, name: str) -> str:
-        known = self.names()
         kind = KINDS[self.group]
+        if name.endswith(".py"):
+            return f"is a file: name its function too, as {name}:my_{kind.split()[-1]}"
+        known = self.names()
         return f"unknown {kind}{did_you_mean(name, known)}; known are: {', '.join(known)}"
 
 

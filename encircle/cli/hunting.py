@@ -1,8 +1,10 @@
 """``encircle run``: a hunt with a display, a figure at its end, and a way on if it breaks off."""
 
 import json
+import sys
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -103,7 +105,12 @@ def hunt_and_draw(
     for remark in remarks_on(scenario):
         say_error(f"encircle: {remark}")
     try:
-        with signals_held(), Display(scenario, request.link) as display:
+        # What a policy prints must not stand among what the command prints.
+        with (
+            redirect_stdout(sys.stderr),
+            signals_held(),
+            Display(scenario, request.link) as display,
+        ):
             hunt = _hunt(request, scenario, directory, display)
     except (RunFailed, Interrupted) as error:
         if not _is_resumable(error, directory) or scenario.clock == "wall":

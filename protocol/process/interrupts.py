@@ -16,6 +16,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
@@ -30,14 +31,20 @@ class Interrupted(KeyboardInterrupt):
     """The work was left because of a signal; the message says which and where."""
 
 
+HELD_S_MAX = 2.0
+"""After how long in s a signal that is kept is taken to be kept in vain when another one comes."""
+
+
 class _State:
-    """What has come. ``name``: of a signal that is kept; ``ending``: whether one has ever come.
+    """What has come. ``name``: of a signal that is kept, since ``held_s``; ``ending``: whether one
+    has ever come. ``who``: how the process calls itself if it ends at once.
 
     ``before``, ``after``: what a process that ends at once says more; ``to_parent``: Ctrl-C is not
     for this process; ``at_work``: a library has threads of its own.
     """
 
-    name = ""
+    name = who = ""
+    held_s = 0.0
     ending = False
     before = after = ""
     to_parent = False
@@ -46,6 +53,7 @@ class _State:
 
 def exit_on_signal(who: str) -> None:
     """From now on SIGINT and SIGTERM end this process at once, with a line of ``who``."""
+    _State.who = who
 
     def end(name: str) -> None:
         if not _State.ending:
@@ -168,7 +176,13 @@ def sigint_blocked() -> Iterator[None]:
 
 
 def _hold(name: str) -> None:
-    _State.name = _State.name or name
+    if not _State.name:
+        _State.name, _State.held_s = name, time.monotonic()
+    elif _State.who and time.monotonic() - _State.held_s > HELD_S_MAX:
+        # As in a policy that never answers.
+        line = f"{_State.who}: stopped by {name}, in the middle of what it was doing"
+        os.write(2, f"{printable(line)}\n".encode())
+        os._exit(STATUS)
 
 
 def _take_held() -> str:

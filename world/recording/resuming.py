@@ -12,6 +12,7 @@ takes in without answering. Only why a robot was lost is not recorded.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -197,10 +198,27 @@ def _check_same(recording: Recording, messages: list[Recorded]) -> None:
     # What is recorded beyond is of the round that is to be played again.
     for (tick, topic, payload), ours in zip(recording.messages, messages, strict=False):
         if (tick, prefix + topic, payload) != ours:
+            _check_policy(recording, topic, payload, ours[2])
             raise RecordingError(
                 f"{recording.path}: {topic} of tick {tick} is recorded otherwise than this program"
                 " comes to: the recording was changed, or this is not the program that made it;"
                 " nothing was changed"
+            )
+
+
+def _check_policy(recording: Recording, topic: str, recorded: bytes, ours: bytes) -> None:
+    """``RecordingError`` if it is the policy's file that is another one now."""
+    if not topic.endswith("/setup"):
+        return
+    with suppress(ProtocolError):
+        there, here = (decode(Setup, payload, recording.run) for payload in (recorded, ours))
+        if there.strategy == here.strategy and there.policy_source != here.policy_source:
+            digests = [
+                source[:12] or "none" for source in (there.policy_source, here.policy_source)
+            ]
+            raise RecordingError(
+                f"{recording.path}: policy {there.strategy!r} was recorded with a source of SHA-256"
+                f" {digests[0]}, here it is {digests[1]}: resume it with that; nothing was changed"
             )
 
 

@@ -69,6 +69,10 @@ def parameters_of(function: Function) -> type[BaseModel]:
 
     ``WrongForm`` if it does not take two arguments besides.
     """
+    if inspect.isclass(function):
+        raise WrongForm("it is a class, must be a function")
+    if inspect.iscoroutinefunction(function) or inspect.isgeneratorfunction(function):
+        raise WrongForm("it is async, or yields; must be a plain function")
     signature = inspect.signature(function)
     try:
         required = {

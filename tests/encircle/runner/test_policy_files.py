@@ -3,13 +3,18 @@
 ``POLICY`` remembers how often it was asked, says so, and heads for where it is told.
 """
 
+import json
 import os
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from helpers_agents import BODIES, observation
 from helpers_cluster import Cluster
+from helpers_commands import ours
+from helpers_interrupts import Group
+from helpers_waiting import completed, until
 
 import encircle
 from encircle.agents.brain.robot_core import RobotCore
@@ -20,7 +25,7 @@ from encircle.protocol.plugin_files import FOLDERS, FileProblem, function_in_fil
 from encircle.protocol.plugins import policy_source
 from encircle.replay.replaying import replay
 from encircle.runner.launch import RunFailed
-from encircle.world.recording.recording import read_recording
+from encircle.world.recording.recording import RecordingError, read_recording
 from encircle.world.scenario.errors import ScenarioError
 
 POLICY = '''
@@ -44,6 +49,26 @@ def plain(view):
 
 def breaks(memory, view):
     raise KeyError("nothing")
+
+
+async def later(memory, view):
+    return None
+
+
+class Holder:
+    def __init__(self, memory, view):
+        pass
+
+
+def prints(memory, view):
+    print("here I am")
+    return teller(memory, view)
+
+
+def never(memory, view):
+    while view.tick == 3:
+        pass
+    return teller(memory, view)
 '''
 NAME = "own/robots.py:teller"
 OVERRIDES = (f"team.strategy={NAME}", "ticks_max=25")
@@ -85,6 +110,42 @@ def test_in_memory_and_over_zenoh_it_is_one_run_that_is_replayed_and_resumed(fol
     assert encircle.resume(folder / "zenoh", link="memory").digest == memory.digest
 
 
+def test_a_run_is_not_taken_up_with_another_file(folder):
+    out = folder / "cut"
+    encircle.run("sim1", link="memory", overrides=OVERRIDES, out=out)
+    recorded = (out / "recording.mcap").read_bytes()
+    (out / "recording.mcap").write_bytes(recorded[: len(recorded) * 2 // 3])
+    (folder / "own" / "robots.py").write_text(POLICY + "\n# another\n")
+    with pytest.raises(RecordingError, match=f"policy '{NAME}' was recorded with a source of SHA-"):
+        encircle.resume(out, link="memory")
+
+
+def test_what_a_policy_prints_is_not_what_the_command_prints():
+    command = ours("encircle", "run", "sim1", "--link", "memory", "--json", "--out", "out")
+    done = completed([*command, "--set", "team.strategy=own/robots.py:prints"])
+    assert json.loads(done.stdout)["digest"]
+    assert "here I am" in done.stderr
+
+
+def test_a_hunt_in_memory_whose_policy_never_answers_ends_with_a_further_signal(folder):
+    command = ours("encircle", "run", "sim1", "--link", "memory", "--out", "out")
+    group = Group([*command, "--set", "team.strategy=own/robots.py:never"], folder)
+    try:
+        group.wait_for_first_line()
+        until(lambda: (folder / "out" / "recording.mcap").exists(), "the hunt to begin")
+
+        def ended() -> bool:
+            group.signal()
+            time.sleep(0.2)
+            return group.status is not None
+
+        until(ended, "its end")
+        assert group.end() == 1
+        assert "stopped by SIGINT, in the middle of" in group.said.splitlines()[-1]
+    finally:
+        group.kill()
+
+
 def test_its_own_parameters_are_set_in_the_scenario_and_change_the_run():
     runs = [
         encircle.run("sim1", link="memory", overrides=[*OVERRIDES, *others]).digest
@@ -103,6 +164,9 @@ def test_its_own_parameters_are_set_in_the_scenario_and_change_the_run():
         ),
         ({"team.strategy": "own/robot.py:teller"}, "there is no file own/robot.py in "),
         ({"team.strategy": "own/robots.py:plain"}, "it takes (view), must take (memory, view)"),
+        ({"team.strategy": "own/robots.py:Holder"}, "it is a class, must be a function"),
+        ({"team.strategy": "own/robots.py:later"}, "it is async, or yields; must be a plain"),
+        ({"team.strategy": "own/robots.py"}, "name its function too, as own/robots.py:my_policy"),
         ({"team.strategy": "own/empty.py:f"}, "SyntaxError"),
         ({"team.strategy": "colorsys:rgb_to_hsv"}, "unknown policy"),
         ({"team.strategy": "/own/robots.py:teller"}, "must lie below the working directory or"),
