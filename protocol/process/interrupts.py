@@ -36,8 +36,10 @@ HELD_S_MAX = 2.0
 
 
 class _State:
-    """What has come. ``name``: of a signal that is kept, since ``held_s``; ``ending``: whether one
-    has ever come. ``who``: how the process calls itself if it ends at once.
+    """What has come.
+
+    ``name``: of a signal that is kept, since ``held_s``; ``ending``: whether one has ever come.
+    ``who``: how the process calls itself if it ends at once.
 
     ``before``, ``after``: what a process that ends at once says more; ``to_parent``: Ctrl-C is not
     for this process; ``at_work``: a library has threads of its own.
