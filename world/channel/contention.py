@@ -18,11 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from encircle.world.random_streams import Purpose, link_uniforms
-from encircle.world.scenario.channel_model import Contention
+from encircle.world.scenario.channel_model import VULNERABLE_PACKETS, Contention
 
 Floats = NDArray[np.float64]
-VULNERABLE_PACKETS = {"slotted-aloha": 1.0, "aloha": 2.0}
-"""How long a packet can be hit, in lengths of a packet."""
 
 
 class SharedAir(NamedTuple):

@@ -10,8 +10,7 @@ from math import exp
 
 from encircle.protocol.parameters import Parameters
 from encircle.world.arena.capture import ROBOTS_MIN, robots_within_max
-from encircle.world.channel.contention import VULNERABLE_PACKETS
-from encircle.world.scenario.channel_model import Crash, delay_parts
+from encircle.world.scenario.channel_model import VULNERABLE_PACKETS, Crash, delay_parts
 from encircle.world.scenario.delay_models import ConstantDelay
 from encircle.world.scenario.model import Scenario
 

@@ -58,6 +58,10 @@ class RateLimit(Model):
     """Packets that can wait at a sender; what cannot wait either is dropped."""
 
 
+VULNERABLE_PACKETS = {"slotted-aloha": 1.0, "aloha": 2.0}
+"""How long a packet can be hit, in lengths of a packet."""
+
+
 class Contention(Model):
     """Packets of one tick are lost to each other, the more of them the more are sent.
 

@@ -9,6 +9,7 @@ import pytest
 from encircle.measures.registry import measure
 from encircle.protocol.codec import encode
 from encircle.protocol.messages import Pose
+from encircle.protocol.plugin_files import FOLDERS
 from encircle.runlog.packet_parts import ESTIMATE, NO_PARTS, PAYLOAD, RELAYED, parts_bytes
 from encircle.runlog.recorded_log import log_of_messages
 from encircle.runlog.runlog import RunLogCollector
@@ -75,10 +76,11 @@ def test_each_part_is_told_apart_however_its_sender_packs_it():
 
 
 @pytest.mark.parametrize("changes", [[], ["robot.detections=relay"], ["robot.detections=fuse"]])
-def test_bytes_of_a_hunt_by_kind_add_up(tmp_path, changes):
+def test_bytes_of_a_hunt_by_kind_add_up(tmp_path, monkeypatch, changes):
+    monkeypatch.setenv(FOLDERS, str(tmp_path))
     (tmp_path / "talk.py").write_text(TALK, encoding="utf-8")
     changes = ["ticks_max=20", *changes]
-    messages, log = hunted(*changes, f'team.strategy="{tmp_path / "talk.py"}:talk"')
+    messages, log = hunted(*changes, "team.strategy=talk.py:talk")
     _, mute = hunted(*changes)
     recorded = log_of_messages(log.scenario, 2, NAME, messages)
     assert recorded.parts_bytes.tolist() == log.parts_bytes.tolist()

@@ -156,9 +156,10 @@ def east(
 
 
 def test_own_parameters_of_a_policy_are_the_teams_with_a_robots_own_in_place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "walkers.py").write_text(WALKERS)
     overrides = [
-        *("ticks_max=4", f"team.strategy={tmp_path}/walkers.py:east", "team.sensing_range_m=90"),
+        *("ticks_max=4", "team.strategy=walkers.py:east", "team.sensing_range_m=90"),
         "team.policy_parameters.length_m=0.2",
         "team.robots.r2.policy_parameters={length_m=0.1, turns=1}",
         "team.robots.r3.policy_parameters.turns=2",

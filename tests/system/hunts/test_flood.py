@@ -143,7 +143,7 @@ def small(draws):
             bytes(damaged),
             draws.choice(valid)[: draws.randrange(100)] + draws.choice(valid),
             encode(draws.choice(misplaced), RUN),
-            b"\x91" * draws.randrange(1, 3000),
+            b"\x91" * draws.randrange(1, 6000),
             b"\xdf\xff\xff\xff\xff" + draws.randbytes(20),
             msgpack.packb({"v": VERSION, "run": RUN, draws.choice(("robot", "tick", "x")): 1}),
         )

@@ -2,6 +2,7 @@
 
 from encircle.protocol.codec import decode
 from encircle.protocol.messages import Setup
+from encircle.protocol.plugin_files import FOLDERS
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.round_engine import RoundEngine
 from encircle.world.loading.load import load
@@ -9,10 +10,11 @@ from encircle.world.loading.load import load
 POLICY = "def decide(memory, view):\n    return memory, None\n"
 
 
-def test_the_source_of_a_policy_is_that_of_the_first_setup_throughout_a_run(tmp_path):
+def test_the_source_of_a_policy_is_that_of_the_first_setup_throughout_a_run(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDERS, str(tmp_path))
     file = tmp_path / "own.py"
     file.write_text(POLICY)
-    scenario = load({"team": {"robots": 3, "strategy": f"{file}:decide"}})
+    scenario = load({"team": {"robots": 3, "strategy": "own.py:decide"}})
 
     def sources(rounds, *robots):
         setups = [message for robot in robots for message in rounds.join(robot)]
