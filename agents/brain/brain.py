@@ -121,7 +121,7 @@ def step(
         )
     present = team.without_lost(peers, lost)
     planned_team = team.planning_team(present, own, observation.position, tick, config.parameters)
-    newest = _newest_packets(state.packets, received) if received else state.packets
+    newest = _newest_packets(state.packets, received, tick) if received else state.packets
     estimate = track.estimate
     search = searching = None
     if estimate is None:
@@ -189,10 +189,15 @@ def step(
 
 
 def _newest_packets(
-    packets: tuple[Pose | None, ...], received: Sequence[tuple[int, Pose]]
+    packets: tuple[Pose | None, ...], received: Sequence[tuple[int, Pose]], tick: int
 ) -> tuple[Pose | None, ...]:
     """The newest packet of each robot, after these: ``(index, packet)``, oldest first."""
     newest = list(packets)
+    if received[0][1].tick == tick - 1:
+        # None is late, so each is newer than what was known.
+        for index, packet in received:
+            newest[index] = packet
+        return tuple(newest)
     for index, packet in received:
         known = newest[index]
         if (
