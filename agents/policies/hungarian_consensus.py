@@ -29,9 +29,8 @@ planned with but has said no ray the position that it is believed to be at count
 Only who takes which point is agreed. The assignment is that for the ring around the target's
 present position; xi* is Eq. 2-3's for it, and the robots shrink a closed ring as the paper has it.
 The ring stands still in the world's directions, where Eq. 1 turns it to the robot farthest from
-the target. With everyone agreed that turning ring can run away from them: where the farthest robot
-is assigned the point next to it, the ring turns as this robot goes there, and with it the point.
-In Algorithm 1 small disagreements end that.
+the target. In a hunt that was looked at, that turning ring ran away from a team that agreed: the
+farthest robot was assigned the point next to it, and the ring, with that point, turned as it went.
 
 With ``say_rows`` off the robots say nothing, and each solves the problem for where it believes the
 others to be: implicit coordination on the same ring, to be compared with.
