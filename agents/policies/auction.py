@@ -23,10 +23,10 @@ scores L - c_ij >= 0 the sum of scores is at least half of the best one.
 
 Costs. By ``distance``, c_ij = d_ij, the way, which is usual for robots. Then a robot that stands
 at its point cannot be outbid; in a hunt that was looked at, the front was left to whoever was
-farthest behind, and the fleeing target got away. By ``projection``, c_ij = -p_i . u_j for the robot's
-position p_i from the target and the point's direction u_j: who stands out farthest in a direction
-gets it, and who is near, and soon round, goes elsewhere. Since d_ij^2 = |p_i|^2 + rho^2 - 2 rho
-p_i . u_j, the least sum of these costs is the least sum of squared ways.
+farthest behind, and the fleeing target got away. By ``projection``, c_ij = -p_i . u_j for the
+robot's position p_i from the target and the point's direction u_j: who stands out farthest in a
+direction gets it, and who is near, and soon round, goes elsewhere. Since d_ij^2 = |p_i|^2 + rho^2 -
+2 rho p_i . u_j, the least sum of these costs is the least sum of squared ways.
 
 Asynchronous rules. Robots and target move, so bids change, also to worse. CBAA keeps one (bid,
 winner) per point, of which the better counts; ACBBA (Johnson, Ponda, Choi, How, AIAA GNC 2010)
