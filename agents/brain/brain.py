@@ -2,7 +2,8 @@
 
 One step takes what was sensed and received into the peer table and the target's track, lets the
 policy decide on this robot's own view, and limits the decided step to what the robot can do without
-a collision. No clock, no connection, no log, no random draw.
+a collision. No clock, no connection, no log, no random draw. ``perceive`` and ``act`` are what
+comes before and after the decision, for a caller who decides himself.
 """
 
 from collections.abc import Mapping, Sequence
@@ -88,6 +89,25 @@ def initial(config: RobotConfig, first_tick: int = 0) -> BrainState:
     return BrainState(nothing, track, None, None, packets=nothing)
 
 
+class Perception(NamedTuple):
+    """What a robot knows at a tick, before it decides. ``view``: what its policy gets.
+
+    ``state``: that of the tick before; ``seen``: the robots in sight as ``(index, x, y)``; the
+    others are the parts of the state to come.
+    """
+
+    state: BrainState
+    observation: Observation
+    missed_ticks: int
+    seen: list[tuple[int, float, float]]
+    view: View
+    peers: team.PeerTable
+    track: Track
+    lost: team.Lost
+    packets: tuple[Pose | None, ...]
+    search: Search | None
+
+
 def step(
     state: BrainState, observation: Observation, packets: Sequence[Pose], config: RobotConfig
 ) -> tuple[BrainState, Action]:
@@ -96,6 +116,15 @@ def step(
     ``packets``: the decoded inbox, in any order; senders, and origins of what they relay, are in
     ``config.team``. Raises ``PluginFailed`` if the policy fails.
     """
+    perception = perceive(state, observation, packets, config)
+    memory, decision = _decide(state.memory, perception.view, config)
+    return act(perception, memory, decision, config)
+
+
+def perceive(
+    state: BrainState, observation: Observation, packets: Sequence[Pose], config: RobotConfig
+) -> Perception:
+    """The first half of a tick: what was sensed and received is taken in; as ``step``."""
     indices = indices_of(config.team)
     state, missed_ticks = _skip_to(state, observation.tick, config)
     # Arrival order is never information.
@@ -152,7 +181,20 @@ def step(
         present,
         newest,
     )
-    memory, decision = _decide(state.memory, view, config)
+    return Perception(
+        *(state, observation, missed_ticks, seen, view, peers, track, lost, newest, search)
+    )
+
+
+def act(
+    perception: Perception, memory: Any, decision: Decision, config: RobotConfig
+) -> tuple[BrainState, Action]:
+    """The second half: what a decision, one that ``validated`` has returned, comes to.
+
+    ``memory``: what the policy remembers.
+    """
+    state, observation, missed_ticks, seen, view, peers, track, lost, newest, search = perception
+    (x, y), estimate, tick = observation.position, view.target, observation.tick
     wanted = _limit_step(decision.step, config.parameters.step_m_max)
     safe = avoid(
         wanted,
@@ -173,8 +215,8 @@ def step(
         (quantise_m(estimate.x), quantise_m(estimate.y)) if estimate else None,
         decision.predictor,
         config.team
-        if len(planned_team.members) == len(config.team)
-        else tuple([config.team[index] for index in planned_team.members]),
+        if len(view.members) == len(config.team)
+        else tuple([config.team[index] for index in view.members]),
         pose is not None,
     )
     goal = None if decision.point is None else command.goal

@@ -176,6 +176,24 @@ class RobotCore:
 
     def decide(self, observation: Observation) -> brain.Action:
         """Answer an observation; raises as ``check``, or ``PluginFailed`` if the policy fails."""
+        state, packets, config = self._begin(observation)
+        self.state, action = brain.step(state, observation, packets, config)
+        return self._finished(action)
+
+    def perceive(self, observation: Observation) -> brain.Perception:
+        """The first half of ``decide``, for a caller who decides himself; raises as that."""
+        state, packets, config = self._begin(observation)
+        return brain.perceive(state, observation, packets, config)
+
+    def act(self, perception: brain.Perception, decision: Decision) -> brain.Action:
+        """The second half: what a valid decision comes to. The policy remembers nothing."""
+        assert self.config is not None, "it has perceived"
+        self.state, action = brain.act(perception, None, decision, self.config)
+        return self._finished(action)
+
+    def _begin(
+        self, observation: Observation
+    ) -> tuple[brain.BrainState, list[Pose], brain.RobotConfig]:
         self.check(observation)
         assert self.config is not None, "checked"
         assert self.state is not None, "checked"
@@ -183,7 +201,11 @@ class RobotCore:
         if self.failed is not None:
             raise self.failed
         packets = self._packets_of(observation, brain.indices_of(self.config.team))
-        self.state, action = brain.step(self.state, observation, packets, self.config)
+        return self.state, packets, self.config
+
+    def _finished(self, action: brain.Action) -> brain.Action:
+        """An action, with what was refused so far in its command."""
+        assert self.state is not None, "it has decided"
         self.mode = action.command.mode
         counts = dict(sorted(self.refused.items())) if self.refused else {}
         if self.state.track.dropped:
