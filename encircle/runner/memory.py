@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, encode, remember_pose
 from encircle.protocol.keys import channel_of, parse_key
-from encircle.protocol.messages import Command, Observation
+from encircle.protocol.messages import Command, Observation, Pose
 from encircle.protocol.plugins import PluginFailed
 from encircle.world.arena.engine import Arena
 from encircle.world.coordinator.journal import Record
@@ -71,15 +71,11 @@ def run_in_memory(
     policy or the target's behaviour fails.
     """
     with rare_garbage_collection():
-        cores = {robot: RobotCore(robot, run, log) for robot in arena.ids}
         if resumed is None:
-            world = WorldCore(arena, run, log, record)
-            for robot, core in cores.items():
-                for key, payload in world.join(robot):
-                    core.receive(key, payload)
-            observations = _next_observations(world, cores, observer)
+            world, cores = joined(arena, run, log, record)
+            observations = next_observations(world, cores, observer)
         else:
-            world = resumed.core
+            world, cores = resumed.core, {robot: RobotCore(robot, run, log) for robot in arena.ids}
             world.record_with(record)
             observations = _resumed_observations(resumed, cores)
         try:
@@ -90,6 +86,27 @@ def run_in_memory(
         if failure is not None:
             raise RunEndedByPlugin(failure, world.rounds.result()) from failure
         return world.rounds.result()
+
+
+def joined(
+    arena: Arena, run: str, log: Callable[[str], None], record: Record | None = None
+) -> tuple[WorldCore, dict[str, RobotCore]]:
+    """A world, and its robots by id, each of which has joined and been set up."""
+    world = WorldCore(arena, run, log, record)
+    cores = {robot: RobotCore(robot, run, log) for robot in arena.ids}
+    for robot, core in cores.items():
+        for key, payload in world.join(robot):
+            core.receive(key, payload)
+    return world, cores
+
+
+def give_answer(world: WorldCore, pose: Pose | None, command: Command) -> RobotAnswer:
+    """Give the world a robot's answer, encoded as over Zenoh; returns it."""
+    packet = b"" if pose is None else encode(pose, world.run)
+    if pose is not None:
+        remember_pose(pose, packet, world.run)
+    world.answer(pose, packet, command, encode(command, world.run))
+    return RobotAnswer(packet, command)
 
 
 @contextmanager
@@ -111,29 +128,24 @@ def _run(
     progress: Callable[[WorldCore], None] | None,
     observer: RunObserver | None,
 ) -> None:
-    robots, run = tuple(cores.values()), world.run
+    robots = tuple(cores.values())
     while observations:
         answers: dict[str, RobotAnswer] = {}
         for observation in observations:
-            core = cores[observation.robot]
-            pose, command = core.decide(observation)
-            packet = b"" if pose is None else encode(pose, run)
-            if pose is not None:
-                remember_pose(pose, packet, run)
-            world.answer(pose, packet, command, encode(command, run))
-            answers[core.robot] = RobotAnswer(packet, command)
+            robot = observation.robot
+            answers[robot] = give_answer(world, *cores[robot].decide(observation))
         world.rounds.commit()
         if observer is not None:
             observer.decided(world, robots, [answers.get(robot) for robot in cores])
         if progress is not None:
             progress(world)
-        observations = _next_observations(world, cores, observer)
+        observations = next_observations(world, cores, observer)
     if observer is not None and world.rounds.plugin_failure is None:
         observer.ended(world)
 
 
-def _next_observations(
-    world: WorldCore, cores: Mapping[str, RobotCore], observer: RunObserver | None
+def next_observations(
+    world: WorldCore, cores: Mapping[str, RobotCore], observer: RunObserver | None = None
 ) -> list[Observation]:
     """The observations of the next round that anyone is there for; none when the run is over."""
     while not (observations := world.ask()) and world.ended is None:
