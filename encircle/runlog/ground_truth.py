@@ -19,7 +19,6 @@ from encircle.protocol.messages import Command, End, Point, State
 from encircle.world.arena.engine import Arena, build, initial, truth
 from encircle.world.arena.sensing import geometry, in_sight
 from encircle.world.recording.recording import Recording, decoded
-from encircle.world.scenario.channel_model import Silence
 from encircle.world.scenario.model import MoveTarget, Scenario
 
 Floats = NDArray[np.float64]
@@ -91,10 +90,9 @@ class GroundTruth:
     def silent(self) -> NDArray[np.bool_]:
         """(T, N) which robots' radios were off by the scenario; not those that were lost."""
         off = np.zeros(self.lost.shape, bool)
-        for event in self.scenario.events:
-            if isinstance(event, Silence):
-                during = (event.tick <= self.ticks) & (self.ticks < event.tick + event.ticks)
-                off[during, self.arena.ids.index(event.robot)] = True
+        for robot, first, after in self.arena.silences:
+            during = (first <= self.ticks) & (self.ticks < after)
+            off[during, self.arena.ids.index(robot)] = True
         return off & ~self.lost
 
     @cached_property

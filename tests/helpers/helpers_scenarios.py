@@ -349,4 +349,25 @@ def _events(draws: Draws, ids: list[str], ticks: int) -> list[Tree]:
         events.append(
             {"kind": "move-target", "tick": draws.randint(1, ticks), "position": _place(draws)}
         )
-    return events
+    # Draws of their own: what is drawn after the events stays what it was before there were these.
+    return events + _changes(random.Random(f"changes {ids} {ticks} {events}"), ticks)
+
+
+CHANGES: dict[str, dict[str, DrawnFigure]] = {
+    "loss": {"rate": _number(0.0, 1.0)},
+    "delay": {"delay_s": _number(0.0, 1.0)},
+    "range": {"range_m": _number(2.0, 12.0)},
+    "heal": {},
+}
+
+
+def _changes(draws: Draws, ticks: int) -> list[Tree]:
+    """Changes of the radio from a tick on, and what heals cuts."""
+    changes: list[Tree] = []
+    for kind, keys in CHANGES.items():
+        for _ in range(draws.choice((0, 0, 0, 1, 2))):
+            change: Tree = {"kind": kind, "tick": draws.randint(0, ticks)}
+            if keys and _sometimes(draws, 0.5):
+                change["ticks"] = draws.randint(1, 20)
+            changes.append(change | _some(draws, keys, 0.8))
+    return changes

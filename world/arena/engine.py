@@ -7,7 +7,7 @@ no capture. It still blocks other bodies, and the others still see it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
 from typing import Any, NamedTuple
 
@@ -19,8 +19,9 @@ from encircle.world.arena import collisions, dynamics, localisation, placement, 
 from encircle.world.arena.capture import is_captured
 from encircle.world.arena.dynamics import quantised
 from encircle.world.channel import channel as radio
+from encircle.world.scenario.channel_events import cut_spans
 from encircle.world.scenario.channel_model import Silence
-from encircle.world.scenario.model import MoveTarget, Scenario
+from encircle.world.scenario.model import Event, MoveTarget, Scenario
 from encircle.world.targets.behaviours import TargetView, act
 
 Floats = NDArray[np.float64]
@@ -28,7 +29,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Arena:
-    """The constants of a run. Bodies are the N robots, then the target; then O obstacles."""
+    """The constants of a run. Bodies are the N robots, then the target; then O obstacles.
+
+    ``silences``: robot, first tick and the tick after the last of each silence.
+    """
 
     scenario: Scenario
     seed: int
@@ -38,6 +42,7 @@ class Arena:
     ranges: Floats
     step_m_max: Floats
     channel: radio.Channel
+    silences: tuple[tuple[str, int, int], ...]
 
 
 class ArenaState(NamedTuple):
@@ -80,6 +85,22 @@ def build(scenario: Scenario, seed: int) -> Arena:
         np.array([body["sensing_range_m"] for body in bodies] + [target.sensing_range_m]),
         np.array([body["step_m_max"] for body in bodies] + [target.step_m_max]),
         radio.build(scenario, seed),
+        _silences(scenario),
+    )
+
+
+def with_event(arena: Arena, event: Event) -> Arena:
+    """The arena of the same run with one event more, which must be of a later tick than it is."""
+    scenario = arena.scenario.with_event(event)
+    channel = radio.with_events(arena.channel, scenario)
+    return replace(arena, scenario=scenario, channel=channel, silences=_silences(scenario))
+
+
+def _silences(scenario: Scenario) -> tuple[tuple[str, int, int], ...]:
+    return tuple(
+        (event.robot, first, after)
+        for event, first, after in cut_spans(scenario.events)
+        if isinstance(event, Silence)
     )
 
 
@@ -303,11 +324,7 @@ def _sending(
 
 def _silent(arena: Arena, tick: int, lost: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
     """(N,) which radios are off at a tick, those of lost robots among them, None if none is."""
-    off = {
-        event.robot
-        for event in arena.scenario.events
-        if isinstance(event, Silence) and event.tick <= tick < event.tick + event.ticks
-    }
+    off = {robot for robot, first, after in arena.silences if first <= tick < after}
     if not off:
         return lost
     silent = np.array([robot in off for robot in arena.ids])

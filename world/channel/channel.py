@@ -11,6 +11,9 @@ A composition of stages, evaluated for all links of a tick at once:
 6. duplication: a packet that is not lost arrives a second time with a probability, the copy with a
    delay of its own.
 
+Events can put another loss, delay or range in place of stages 3 and 4 for some ticks
+(``encircle.world.channel.changes``).
+
 Every draw is a function of seed, purpose, tick and link (``encircle.world.random_streams``), and
 every stage makes its draws whatever the others do. So what loss would take, and how long a packet
 would be on its way, is the same with any other stage on or off, and a packet's fate depends on
@@ -39,7 +42,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.world.channel import contention, delay, loss, outages, rate_limit, robot_radios
+from encircle.world.channel import (
+    changes,
+    contention,
+    delay,
+    loss,
+    outages,
+    rate_limit,
+    robot_radios,
+)
 from encircle.world.channel.loss_causes import CAUSES, Cause
 from encircle.world.random_streams import Purpose, link_uniforms
 from encircle.world.scenario.channel_model import delay_parts, loss_parts
@@ -66,6 +77,7 @@ class Channel(NamedTuple):
     copies: "Copies | None"
     rated: bool
     """Whether the size of packets matters."""
+    changes: changes.Changes | None
 
 
 class Copies(NamedTuple):
@@ -123,11 +135,11 @@ def build(scenario: Scenario, seed: int) -> Channel:
     """The channel of a scenario, overrides of single links applied."""
     ids, model, tick_s = scenario.ids, scenario.channel, scenario.tick_s
     limit, delays = model.rate_limit, delay_parts(model, ids)
-    return Channel(
+    channel = Channel(
         seed,
         len(ids),
         rate_limit.build(limit, tick_s) if limit is not None else None,
-        outages.build(scenario.events, ids),
+        None,
         loss.build(loss_parts(model, ids), ids, tick_s, seed),
         robot_radios.build(scenario, seed),
         contention.build(model.contention, tick_s, seed) if model.contention is not None else None,
@@ -137,6 +149,17 @@ def build(scenario: Scenario, seed: int) -> Channel:
         if model.duplication.rate > 0.0
         else None,
         limit is not None and limit.bytes_per_s is not None,
+        None,
+    )
+    return with_events(channel, scenario)
+
+
+def with_events(channel: Channel, scenario: Scenario) -> Channel:
+    """The same channel, with the events of a scenario that differs from its own in these alone."""
+    events, ids = scenario.events, scenario.ids
+    return channel._replace(
+        outages=outages.build(events, ids),
+        changes=changes.build(events, ids, channel.losses, channel.delays),
     )
 
 
@@ -155,10 +178,15 @@ def transmit(channel: Channel, state: ChannelState, sending: Sending) -> tuple[C
     """Put the robots' packets of a tick on the radio; to be called once for every tick."""
     tick, sizes = sending.tick, sending.sizes_bytes
     losses, last, queues, left = state.losses, state.last_due, state.queues, None
+    instead = None
+    if channel.changes is not None and (now := changes.at(channel.changes, tick)) is not None:
+        channel, instead = _changed(channel, now), now.instead
     if channel.losses is not None:
         losses, cause = loss.lost(channel.losses, losses, tick, sending.distances_m)
     else:
         cause = np.zeros((channel.robots, channel.robots), np.int64)
+    if instead is not None:
+        _, cause = loss.lost(instead, loss.LossState(), tick, sending.distances_m)
     if channel.radios is not None:
         cause = robot_radios.with_losses(channel.radios, cause, tick, sending.distances_m)
     if channel.transmitter is not None or channel.air is not None:
@@ -197,6 +225,14 @@ def deliver(state: ChannelState, tick: int) -> tuple[ChannelState, tuple[Flight,
 def in_flight(state: ChannelState) -> int:
     """How many packets are in flight."""
     return sum(int(f.links.sum()) for flights in state.flights.values() for f in flights)
+
+
+def _changed(channel: Channel, now: changes.Stages) -> Channel:
+    """The channel with what is in force instead of its own."""
+    if now.delays is None:
+        return channel._replace(losses=now.losses)
+    copies = None if channel.copies is None else channel.copies._replace(delays=now.delays)
+    return channel._replace(losses=now.losses, delays=now.delays, copies=copies)
 
 
 def _sent(

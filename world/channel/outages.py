@@ -3,7 +3,8 @@
 An *outage* cuts the directed links from a sender to a receiver, either of which may be any. A
 *partition* cuts, both ways, the links between robots of different groups; a robot in no group talks
 to everyone, and so can be the bridge between groups. Several may overlap; a link is cut while any
-of them cuts it. What was sent before arrives. (A *silence* is a matter of the robot's radio, and
+of them cuts it. What was sent before arrives. When a cut ends is in
+``encircle.world.scenario.channel_events``. (A *silence* is a matter of the robot's radio, and
 stands in ``Sending.silent``.)
 """
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from encircle.world.channel.loss_causes import Cause
+from encircle.world.scenario.channel_events import cut_spans
 from encircle.world.scenario.channel_model import Outage, Partition, between
 
 Cut = tuple[NDArray[np.bool_], NDArray[np.int64]]
@@ -36,14 +38,14 @@ class Outages:
 def build(events: Iterable[object], ids: Sequence[str]) -> Outages | None:
     """The scheduled outages among a scenario's events, None if there are none."""
     cuts = []
-    for event in events:
+    for event, first, after in cut_spans(events):
         if isinstance(event, Outage):
             links, cause = between(event.sender, event.receiver, ids), Cause.OUTAGE
         elif isinstance(event, Partition):
             links, cause = _across(event.groups, ids), Cause.PARTITION
         else:
             continue
-        cuts.append((event.tick, event.tick + event.ticks, links, cause))
+        cuts.append((first, after, links, cause))
     if not cuts:
         return None
     changes = sorted({tick for begin, end, _, _ in cuts for tick in (begin, end)})

@@ -25,7 +25,8 @@ from encircle.world.coordinator.outgoing import OpenRound, Outgoing, radio_of
 from encircle.world.coordinator.real_time_answers import RealTimeAnswers
 from encircle.world.coordinator.round_engine import RoundEngine
 from encircle.world.network.message_ledger import MessageLedger
-from encircle.world.scenario.channel_model import ChannelModel, Outage, Partition, Silence
+from encircle.world.scenario.channel_events import Change, Cut
+from encircle.world.scenario.channel_model import ChannelModel
 
 
 class RealTimeWorldCore:
@@ -168,5 +169,5 @@ def _without_packets(observation: Observation, run: str, perfect: bool) -> Obser
 def has_perfect_channel(arena: Arena) -> bool:
     """Whether the modelled channel delivers everything at once: then it has nothing to say."""
     channel = arena.scenario.channel.model_copy(update={"order": "free"})
-    switched = any(isinstance(e, Silence | Outage | Partition) for e in arena.scenario.events)
+    switched = any(isinstance(e, Cut | Change) for e in arena.scenario.events)
     return channel == ChannelModel() and arena.channel.radios is None and not switched

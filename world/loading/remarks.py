@@ -10,6 +10,7 @@ from math import exp
 
 from encircle.protocol.parameters import Parameters
 from encircle.world.arena.capture import ROBOTS_MIN, robots_within_max
+from encircle.world.scenario.channel_events import DelayChange, RangeChange
 from encircle.world.scenario.channel_model import VULNERABLE_PACKETS, Crash, delay_parts
 from encircle.world.scenario.delay_models import ConstantDelay
 from encircle.world.scenario.model import Scenario
@@ -23,7 +24,7 @@ class ScenarioRemark(UserWarning):
 
 def remarks_on(scenario: Scenario) -> list[str]:
     """Plain sentences on a valid scenario, key and value first; empty if there are none."""
-    parts = (_who_can_capture, _radios, _delays, _contention)
+    parts = (_who_can_capture, _radios, _delays, _contention, _changes)
     return [line for remarks in parts for line in remarks(scenario)]
 
 
@@ -129,6 +130,23 @@ def _contention(scenario: Scenario) -> list[str]:
         f" in a tick of {scenario.tick_s:g} s and hear each other, no more than {passing:.1%} of"
         f" packets pass ({contention.access}, G = {load:.3g})"
     ]
+
+
+def _changes(scenario: Scenario) -> list[str]:
+    """Events that put a range within which nobody can be, or a delay that ticks make longer."""
+    nearest_m, tick_s, remarks = 2.0 * scenario.team.radius_m, scenario.tick_s, []
+    for k, event in enumerate(scenario.events):
+        if isinstance(event, RangeChange) and (event.range_m or nearest_m) < nearest_m:
+            remarks.append(
+                f"events.{k}.range_m = {event.range_m:g}: two robots of radius"
+                f" {scenario.team.radius_m:g} m are never so near: nothing arrives"
+            )
+        elif isinstance(event, DelayChange) and 0.0 < (event.delay_s or 0.0) <= tick_s / 2.0:
+            remarks.append(
+                f"events.{k}.delay_s = {event.delay_s:g}: is at most half a tick of {tick_s:g} s;"
+                f" packets arrive at ticks, at the next one at the earliest, after {tick_s:g} s"
+            )
+    return remarks
 
 
 def _too_long(scenario: Scenario, asked_s: float) -> str:

@@ -3,7 +3,8 @@
 What a key means for the packets stands with the stage that obeys it:
 ``encircle.world.channel.loss``, ``encircle.world.channel.delay``,
 ``encircle.world.channel.rate_limit``, ``encircle.world.channel.outages``,
-``encircle.world.channel.contention``.
+``encircle.world.channel.contention``. Events that change the radio from a tick on are in
+``encircle.world.scenario.channel_events``.
 """
 
 from collections.abc import Sequence
@@ -110,8 +111,8 @@ class Silence(Model):
     """The kind of event."""
     tick: Tick
     """The first tick."""
-    ticks: Ticks
-    """For how long."""
+    ticks: Ticks | None = None
+    """For how long; until it is healed if left out."""
     robot: str
     """Id of the robot."""
 
@@ -123,8 +124,8 @@ class Outage(Model):
     """The kind of event."""
     tick: Tick
     """The first tick."""
-    ticks: Ticks
-    """For how long."""
+    ticks: Ticks | None = None
+    """For how long; until it is healed if left out."""
     sender: str | None = None
     """Id of the sending robot; any if left out."""
     receiver: str | None = None
@@ -138,8 +139,8 @@ class Partition(Model):
     """The kind of event."""
     tick: Tick
     """The first tick."""
-    ticks: Ticks
-    """For how long."""
+    ticks: Ticks | None = None
+    """For how long; until it is healed if left out."""
     groups: tuple[tuple[str, ...], ...]
     """Ids of the robots of each group; two groups or more."""
 

@@ -15,6 +15,7 @@ from pydantic import Field
 
 from encircle.protocol.messages import PoseCarrier
 from encircle.protocol.parameters import Unit
+from encircle.world.scenario.channel_events import DelayChange, Heal, LossChange, RangeChange
 from encircle.world.scenario.channel_model import (
     ChannelModel,
     Crash,
@@ -137,6 +138,21 @@ class MoveTarget(Model):
     """Where it is moved to."""
 
 
+Event = Annotated[
+    MoveTarget
+    | Silence
+    | Outage
+    | Partition
+    | Heal
+    | LossChange
+    | DelayChange
+    | RangeChange
+    | Crash,
+    Field(discriminator="kind"),
+]
+"""What can happen at a tick: it stands in a scenario, or is given while the run goes on."""
+
+
 class Capture(Model):
     """Captured: ``count`` robots within ``stop_distance_m``, no gap between them of pi or more."""
 
@@ -169,10 +185,7 @@ class Scenario(Model):
     """How good the robots' sensors are."""
     obstacles: tuple[Obstacle, ...] = ()
     """Fixed discs."""
-    events: tuple[
-        Annotated[MoveTarget | Silence | Outage | Partition | Crash, Field(discriminator="kind")],
-        ...,
-    ] = ()
+    events: tuple[Event, ...] = ()
     """What happens at given ticks."""
     channel: ChannelModel = ChannelModel()
     """The radio between the robots."""
@@ -212,6 +225,10 @@ class Scenario(Model):
     def parameters(self) -> dict[str, Any]:
         """The team's parameters: those set under ``robot``, and those of the bodies."""
         return {**self.robot, **self.bodies}
+
+    def with_event(self, event: Any) -> "Scenario":
+        """The same with one event more, the last; it is not checked against the rest."""
+        return self.model_copy(update={"events": (*self.events, event)})
 
     def override_of(self, robot: str) -> RobotOverride:
         """What is different about one robot."""
