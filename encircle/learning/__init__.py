@@ -1,0 +1,47 @@
+"""Learning: the hunt as a PettingZoo environment, and what a learned policy shares with it.
+
+>>> from encircle.learning import parallel_env
+>>> env = parallel_env("sim1")
+>>> observations, infos = env.reset(seed=1)
+
+``observation`` and ``decision`` need nothing but what every robot has.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from encircle.learning.acting import decision
+    from encircle.learning.environment import HuntEnv, parallel_env
+    from encircle.learning.observing import Layout, observation
+    from encircle.learning.rewards import Reward
+
+__all__ = ["HuntEnv", "Layout", "Reward", "decision", "observation", "parallel_env"]
+_ROOM = "encircle.learning"
+_MODULE_OF = {
+    "HuntEnv": f"{_ROOM}.environment",
+    "Layout": f"{_ROOM}.observing",
+    "Reward": f"{_ROOM}.rewards",
+    "decision": f"{_ROOM}.acting",
+    "observation": f"{_ROOM}.observing",
+    "parallel_env": f"{_ROOM}.environment",
+}
+INSTALL = 'encircle.learning needs pettingzoo: pip install "encircle[learning]"'
+
+
+def __getattr__(name: str) -> Any:
+    """Fetch a name when it is used first: a robot has no PettingZoo."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        module = import_module(_MODULE_OF[name])
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] in ("pettingzoo", "gymnasium"):
+            raise ImportError(INSTALL) from None
+        raise
+    return getattr(module, name)
+
+
+def __dir__() -> list[str]:
+    """All names, for completion, also those that have not been used yet."""
+    return sorted({*globals(), *__all__})
