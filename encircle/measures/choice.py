@@ -39,11 +39,17 @@ def shared_points(log: RunLog) -> NDArray[np.bool_]:
 
     One point: goals nearer than a body's diameter, where two could not both stand.
     """
-    first, second = pairs(log.count)
-    goals, both = log.goals, encircling(log)[:, first] & encircling(log)[:, second]
+    return holding_one_point(log.goals, encircling(log), log.scenario.team.radius_m)
+
+
+def holding_one_point(
+    goals: Floats, encircles: NDArray[np.bool_], radius_m: float
+) -> NDArray[np.bool_]:
+    """(T, N (N - 1) / 2) as ``shared_points``, of (T, N, 2) goals in m and (T, N) who encircles."""
+    first, second = pairs(goals.shape[1])
     away = goals[:, first] - goals[:, second]
-    near = np.hypot(away[..., 0], away[..., 1]) < 2.0 * log.scenario.team.radius_m
-    return np.asarray(both & near)
+    near = np.hypot(away[..., 0], away[..., 1]) < 2.0 * radius_m
+    return np.asarray(encircles[:, first] & encircles[:, second] & near)
 
 
 @cached_per_log

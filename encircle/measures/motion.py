@@ -51,7 +51,11 @@ def _hunting_rays(log: RunLog) -> Floats:
 @cached_per_log
 def gaps_rad(log: RunLog) -> Floats:
     """(T + 1,) largest angle about the target between neighbouring robots; 2 pi for one or none."""
-    rays = _hunting_rays(log)
+    return largest_gaps_rad(_hunting_rays(log))
+
+
+def largest_gaps_rad(rays: Floats) -> Floats:
+    """(T,) largest angle in rad between neighbours of N >= 1 rays, (T, N, 2); 2 pi for one."""
     bearings = np.sort(np.arctan2(rays[..., 1], rays[..., 0]), axis=1)
     after = np.concatenate([bearings[:, 1:], bearings[:, :1] + 2.0 * np.pi], axis=1)
     gaps: Floats = (after - bearings).max(axis=1)

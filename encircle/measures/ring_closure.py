@@ -10,6 +10,7 @@ All of it is taken from the truth. What this leaves out: bodies and obstacles in
 of robots that a capture needs, and that robots find out late where the target runs.
 """
 
+from collections.abc import Sequence
 from math import inf
 
 import numpy as np
@@ -18,12 +19,13 @@ from encircle.agents.planning.occupied_angles import half_angle, least_slack
 from encircle.measures.common import cached_per_log, in_unit, mean_or_nan
 from encircle.measures.motion import hunting
 from encircle.runlog.runlog import Floats, RunLog
+from encircle.world.scenario.model import Scenario
 
 
-def speed_ratios(log: RunLog) -> list[float]:
+def speed_ratios(scenario: Scenario) -> list[float]:
     """(N,) each robot's longest step over the target's; infinite for a target that cannot move."""
-    target_m = log.scenario.target.step_m_max
-    steps_m = [log.scenario.parameters_of(robot)["step_m_max"] for robot in log.scenario.ids]
+    target_m = scenario.target.step_m_max
+    steps_m = [scenario.parameters_of(robot)["step_m_max"] for robot in scenario.ids]
     return [step_m / target_m if target_m else inf for step_m in steps_m]
 
 
@@ -33,13 +35,33 @@ def slacks_rad(log: RunLog) -> Floats:
     rays = log.robots - log.target[:, None]
     bearings = np.arctan2(rays[..., 1], rays[..., 0]).tolist()
     distances_m = np.hypot(rays[..., 0], rays[..., 1]).tolist()
-    capture_m, ratios = log.scenario.capture.stop_distance_m, speed_ratios(log)
+    capture_m, ratios = log.scenario.capture.stop_distance_m, speed_ratios(log.scenario)
     least = []
     for row, taking_part in enumerate(hunting(log).tolist()):
         robots = [robot for robot, there in enumerate(taking_part) if there]
-        halves = [half_angle(ratios[k], capture_m, distances_m[row][k]) for k in robots]
-        least.append(least_slack([bearings[row][k] for k in robots], halves))
+        least.append(
+            least_slack_rad(
+                [bearings[row][k] for k in robots],
+                [distances_m[row][k] for k in robots],
+                [ratios[k] for k in robots],
+                capture_m,
+            )
+        )
     return np.array(least)
+
+
+def least_slack_rad(
+    bearings: Sequence[float],
+    distances_m: Sequence[float],
+    ratios: Sequence[float],
+    capture_m: float,
+) -> float:
+    """The least slack of robots at these bearings in rad, distances and speed ratios, all (N,)."""
+    halves = [
+        half_angle(ratio, capture_m, distance_m)
+        for ratio, distance_m in zip(ratios, distances_m, strict=True)
+    ]
+    return least_slack(bearings, halves)
 
 
 @in_unit("1")

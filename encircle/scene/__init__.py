@@ -1,1 +1,1 @@
-"""What there is to see of a run, tick by tick."""
+"""What there is to see of a run, tick by tick: from messages, without files or sockets."""

@@ -7,15 +7,12 @@ that differ from the defaults, so that a new loss model needs no change here.
 
 import re
 from collections.abc import Sequence
-from typing import Any
 
-from pydantic import BaseModel
-
+from encircle.scene.field_text import ITEMS_MAX, items_text, value_text
 from encircle.studies.charts.layout import axis_label, level_text
 from encircle.studies.plan import Axis, Plan
 from encircle.world.scenario.model import Scenario
 
-ITEMS_MAX = 12
 _ROBOT = re.compile(r"^team\.robots\.r\d+\.")
 """A key of one robot says the same of it as one of ``team`` says of all."""
 
@@ -27,7 +24,9 @@ def setup_rows(plan: Plan) -> list[tuple[str, str]]:
     hz = 1.0 / scenario.tick_s
     turning = f", turning by at most {team.turn_rad_max:.3g} rad per tick"
     motion = team.motion + (turning if team.motion == "unicycle" else "")
-    behaviour = target.behaviour + (f" ({_items(target.parameters)})" if target.parameters else "")
+    behaviour = target.behaviour + (
+        f" ({items_text(target.parameters)})" if target.parameters else ""
+    )
     noise = f", detection noise {sensing.noise_m_std:g} m" if sensing.noise_m_std else ""
     noise += _localisation(scenario)
     limit = f"{scenario.ticks_max} ticks ({scenario.ticks_max * scenario.tick_s:g} s)"
@@ -62,7 +61,7 @@ def setup_rows(plan: Plan) -> list[tuple[str, str]]:
             f"{_radio(scenario)}{_robot_radios(scenario)}",
             ("channel", "team.radio_range", "team.loss_rate"),
         ),
-        ("Events", "; ".join(map(_value_text, scenario.events)) or "none", ("events",)),
+        ("Events", "; ".join(map(value_text, scenario.events)) or "none", ("events",)),
         (
             "Capture",
             f"{scenario.capture_count} robots within {scenario.capture.stop_distance_m:g} m of the"
@@ -74,7 +73,7 @@ def setup_rows(plan: Plan) -> list[tuple[str, str]]:
     if texts := _policy_parameters(scenario):
         rows.append(("Policies' parameters", texts, ("team.policy_parameters",)))
     if scenario.robot:
-        rows.append(("Robots' parameters", _items(scenario.robot), ("robot.",)))
+        rows.append(("Robots' parameters", items_text(scenario.robot), ("robot.",)))
     text_rows = [(name, text + _varied(plan, keys)) for name, text, keys in rows]
     return [*text_rows, ("Seeds", f"{seeds_text(plan.seed_list)}, the same in every cell")]
 
@@ -112,7 +111,7 @@ def _keys(axis: Axis) -> str:
 def _levels(axis: Axis) -> str:
     if axis.arms is None:
         return ", ".join(level_text(axis, index) for index in range(len(axis.levels)))
-    return "; ".join(f"{arm.name}: {_items(arm.set) or 'nothing set'}" for arm in axis.arms)
+    return "; ".join(f"{arm.name}: {items_text(arm.set) or 'nothing set'}" for arm in axis.arms)
 
 
 def _varied(plan: Plan, beginnings: tuple[str, ...]) -> str:
@@ -141,16 +140,16 @@ def _starts(scenario: Scenario) -> str:
 def _exceptions(scenario: Scenario, key: str, unit: str = "") -> str:
     """Of which robots a value is another than the team's: ``, but 0.15 m for r3``."""
     values = {robot: getattr(own, key) for robot, own in scenario.team.overrides.items()}
-    texts = [f"{_value_text(values[r])}{unit} for {r}" for r in scenario.ids if values.get(r)]
+    texts = [f"{value_text(values[r])}{unit} for {r}" for r in scenario.ids if values.get(r)]
     return f", but {_few(texts)}" if texts else ""
 
 
 def _policy_parameters(scenario: Scenario) -> str:
     of_team = scenario.team.policy_parameters
     singles = {robot: scenario.policy_parameters_of(robot) for robot in scenario.ids}
-    texts = [_items(of_team)] if of_team else []
+    texts = [items_text(of_team)] if of_team else []
     texts += [
-        f"of {robot}: {_items(own) or 'by default'}"
+        f"of {robot}: {items_text(own) or 'by default'}"
         for robot, own in singles.items()
         if own != of_team
     ]
@@ -191,33 +190,7 @@ def _radio(scenario: Scenario) -> str:
     for name in type(channel).model_fields:
         value = getattr(channel, name)
         if value != getattr(perfect, name):
-            parts.append(f"{name.replace('_', ' ')} {_value_text(value)}")
+            parts.append(f"{name.replace('_', ' ')} {value_text(value)}")
         elif name in ("loss", "delay"):
             parts.append(f"no {name}")
     return "; ".join(parts)
-
-
-def _value_text(value: Any) -> str:
-    """A model as the fields that differ from the default, its kind first.
-
-    A long list by its length.
-    """
-    if isinstance(value, BaseModel):
-        fields = type(value).model_fields
-        first = [str(getattr(value, name)) for name in ("model", "kind") if name in fields]
-        rest = {
-            name: getattr(value, name)
-            for name in fields
-            if name not in ("model", "kind")
-            and getattr(value, name) != fields[name].get_default(call_default_factory=True)
-        }
-        return ", ".join([*first, _items(rest)] if rest else first) or "as by default"
-    if isinstance(value, list | tuple) and len(value) > ITEMS_MAX:
-        return f"{len(value)} values"
-    if isinstance(value, list | tuple):
-        return "(" + ", ".join(map(_value_text, value)) + ")"
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _items(tree: dict[str, Any]) -> str:
-    return ", ".join(f"{key} = {_value_text(value)}" for key, value in tree.items())

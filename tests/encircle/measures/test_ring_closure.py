@@ -103,6 +103,6 @@ def test_in_a_mixed_team_each_robot_occupies_by_its_own_step():
     weak = {"count": 4, "r1": {"step_m_max": 0.1}}
     mixed = scenario(4, team={"robots": weak}, target={"step_m_max": 0.4})
     log = standing(1, scenario=mixed)
-    assert ring_closure.speed_ratios(log) == pytest.approx([0.25, 0.75, 0.75, 0.75])
+    assert ring_closure.speed_ratios(log.scenario) == pytest.approx([0.25, 0.75, 0.75, 0.75])
     weakest = asin(0.25) + asin(0.75) + 2.0 * asin(1.3 / RING_M) - pi / 2
     assert ring_closure.slack_rad_final(log) == pytest.approx(weakest)

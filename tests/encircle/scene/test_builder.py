@@ -1,0 +1,160 @@
+"""Frames against the log of the run, its ground truth and the measures: other ways to the same."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers_scenarios import scenario_of
+from helpers_scene import frames_of, hunted
+
+from encircle.measures.choice import shared_points
+from encircle.measures.common import links, links_there
+from encircle.measures.motion import gaps_rad, hunting
+from encircle.measures.radio import ages_ticks
+from encircle.measures.ring_closure import slacks_rad
+from encircle.runlog.ground_truth import ground_truth_of
+from encircle.scene.builder import scene_of_recording
+from encircle.scene.frame import DELIVERY_TICKS
+
+LOSS = "channel.loss={model='bernoulli', rate=0.3}"
+DELAY = "channel.delay={model='uniform', low_s=0.05, high_s=0.6}"
+NOISE = "sensing.noise_m_std=0.05"
+TWICE = "channel.duplication.rate=0.3"
+EVENTS = (
+    "events=[{kind='crash', tick=6, ticks=7, robot='r2'}, {kind='silence', tick=3, ticks=9,"
+    " robot='r1'}, {kind='partition', tick=14, ticks=5, groups=[['r1','r2'],['r3','r4']]},"
+    " {kind='move-target', tick=9, position=[1.0,1.0]}, {kind='outage', tick=2, ticks=2}]"
+)
+CASES = [
+    ("sim1", [LOSS, DELAY, NOISE]),
+    ("sim2", [LOSS, NOISE, "ticks_max=60"]),
+    ("sim3", ["robot.peer_policy=hold", "robot.peer_age_ticks_max=3", "ticks_max=60", TWICE]),
+    ("sim4", ["team.strategy=pursuit", "team.motion=unicycle", "ticks_max=30"]),
+    ("sim1", [LOSS, EVENTS, "ticks_max=30", "team.jitter_m=0.5"]),
+    ("sim1", [LOSS, "team.robots={count=4, r2={strategy='auction'}}", "ticks_max=25"]),
+    ("sim1", ["team.positions=[[5.0, 0.0]]", "ticks_max=9"]),
+    ("sim1", ["robot.detections=fuse", LOSS, "ticks_max=25"]),
+]
+
+
+def assert_as_logged(frames, log):
+    """Everything in frames that the log knows too."""
+    assert [f.tick for f in frames] == list(range(log.ticks + 1))
+    scenario, count = log.scenario, log.count
+    assert np.array_equal([[*f.robots, f.target] for f in frames], log.positions)
+    gaps, slacks, ages, there = gaps_rad(log), slacks_rad(log), ages_ticks(log), hunting(log)
+    for frame in frames:
+        values = frame.values
+        rays = np.array(frame.robots) - frame.target
+        assert values.distances_m == pytest.approx(np.hypot(*rays.T))
+        if there[frame.tick].any():
+            assert values.gap_rad == pytest.approx(gaps[frame.tick], abs=1e-12)
+            assert values.slack_rad == pytest.approx(slacks[frame.tick], abs=1e-12)
+        else:
+            assert values.slack_rad is None
+    shared = shared_points(log).sum(axis=1)
+    for tick, frame in enumerate(frames[:-1]):
+        assert [mode or "lost" for mode in frame.modes] == log.modes[tick].tolist()
+        assert np.array_equal(
+            [np.nan if xi is None else xi for xi in frame.xi], log.xi[tick], equal_nan=True
+        )
+        assert [-1 if q is None else q for q in frame.points] == log.points[tick].tolist()
+        goals = [(np.nan, np.nan) if goal is None else goal for goal in frame.goals]
+        assert np.array_equal(goals, log.goals[tick], equal_nan=True)
+        assert frame.values.conflicts == shared[tick]
+        due, copies = np.zeros((count, count), int), np.zeros((count, count), int)
+        for packet in frame.packets:
+            due[packet.sender, packet.receiver] = packet.due
+            copies[packet.sender, packet.receiver] = packet.copy_due
+        assert np.array_equal(due, log.due[tick])
+        assert np.array_equal(copies, log.copies[tick])
+        by_link = np.array(frame.ages).T[links(count)]
+        by_link = np.where(by_link < 0, tick + 1, by_link)
+        assert np.array_equal(by_link, ages[tick])
+        known = by_link[links_there(log)[tick]]
+        mean = known.mean() if len(known) else None
+        assert frame.values.age_ticks_mean == (None if mean is None else pytest.approx(mean))
+        window = slice(max(0, tick - DELIVERY_TICKS + 1), tick + 1)
+        sent = np.count_nonzero(log.due[window])
+        delivered = ((log.due[window] > 0) | (log.copies[window] > 0)).sum()
+        assert frame.values.delivery == (pytest.approx(delivered / sent) if sent else None)
+        assert_believed(frame, log)
+    assert not any(frame.beliefs_unsure for frame in frames)
+    assert frames[-1].captured == log.captured
+    assert scenario.ids == tuple(log.scenario.ids)
+
+
+def assert_believed(frame, log):
+    tick = frame.tick
+    for robot, belief in enumerate(frame.beliefs):
+        assert (belief is not None) == log.there[tick, robot]
+        if belief is None:
+            continue
+        places = np.full((log.count, 2), np.nan)
+        places[robot] = belief.position
+        for peer in belief.peers:
+            assert peer.robot != robot
+            if peer.planned_with:
+                places[peer.robot] = peer.x, peer.y
+            assert (peer.age_ticks <= log.parameters.peer_age_ticks_max) == peer.planned_with
+        assert np.array_equal(places, log.believed[tick, robot], equal_nan=True)
+        known = not np.isnan(log.estimates[tick, robot, 0])
+        assert (belief.estimate is not None) == known == bool(belief.prediction)
+        if belief.estimate is not None:
+            assert belief.estimate == tuple(log.estimates[tick, robot])
+            assert belief.covariance == tuple(log.covariances[tick, robot])
+
+
+@pytest.mark.parametrize(("scenario", "changes"), CASES)
+def test_frames_show_what_log_and_measures_have(scenario, changes):
+    recording, log = hunted(scenario, changes)
+    assert_as_logged(frames_of(recording), log)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_frames_of_a_drawn_run_show_what_log_and_measures_have(seed):
+    recording, log = hunted(scenario_of(seed), seed=seed)
+    assert_as_logged(frames_of(recording), log)
+
+
+@pytest.mark.parametrize(("scenario", "changes"), CASES)
+def test_frames_show_the_ground_truth(scenario, changes):
+    recording, _ = hunted(scenario, changes)
+    shown, frames = ground_truth_of(recording), frames_of(recording)
+    assert np.array_equal([f.lost for f in frames], shown.lost)
+    assert np.array_equal([f.silent for f in frames], shown.silent)
+    assert tuple(f.contacts for f in frames) == shown.contacts
+    moved = [f.tick for f in frames if any(e.kind == "moved" for e in f.events)]
+    assert tuple(moved) == shown.moved_by_hand
+    kind, text, robots = frames[-1].events[-1]
+    if shown.captured:
+        assert (kind, robots) == ("capture", shown.captors)
+    else:
+        assert (kind, text) == ("end", "the time is up")
+
+
+def test_a_scene_is_made_of_the_frames_of_a_recording():
+    recording, _ = hunted("sim1", [LOSS])
+    scene = scene_of_recording(recording)
+    assert list(scene.frames) == frames_of(recording)
+    assert scene.complete
+    assert scene.stage.robots == recording.scenario.ids
+
+
+def test_a_recording_that_is_cut_off_gives_the_beginning():
+    recording, _ = hunted("sim1", [LOSS, EVENTS, "ticks_max=20"])
+    frames = frames_of(recording)
+    for length in range(1, len(recording.messages)):
+        short = frames_of(recording, recording.messages[:length])
+        if not short:
+            assert not any(topic == "world/state" for _, topic, _ in recording.messages[:length])
+            continue
+        *before, last = short
+        assert before == frames[: last.tick]
+        whole = frames[last.tick]
+        assert (last.robots, last.target, last.ages) == (whole.robots, whole.target, whole.ages)
+        assert not last.packets
+        assert set(last.beliefs) == set(last.modes) == {None}
+    cut = replace(recording, messages=(), complete=False)
+    (start,) = scene_of_recording(cut).frames
+    assert (start.robots, start.tick) == (frames[0].robots, 0)
