@@ -71,8 +71,7 @@ class SceneBuilder:
         self._beliefs = LockStepBeliefs(scenario, run) if follows else None
         self._radio = RadioWatch(len(scenario.ids))
         self._truth_values = TruthValues(scenario)
-        self._scheduled = events.scheduled_events(scenario)
-        self._silences = events.silences(scenario)
+        self._schedule = events.Schedule(scenario)
         self._newest = -1
         self._last: Frame | None = None
         self._there = (True,) * len(scenario.ids)
@@ -211,7 +210,7 @@ class SceneBuilder:
         tick = state.tick
         decided = [commands.get(robot) for robot in self._robots]
         ages = self._radio.ages(tick)
-        off = {robot for robot, first, after in self._silences if first <= tick < after}
+        off = self._schedule.silent(tick)
         values = Values(
             self._truth_values.distances_m(state),
             self._truth_values.gap_rad(state, there),
@@ -258,7 +257,7 @@ class SceneBuilder:
         is_last: bool,
     ) -> tuple[Event, ...]:
         before = self._last
-        happened = [*self._scheduled.get(state.tick, ())]
+        happened = self._schedule.at(state.tick)
         was_lost = before.lost if before else (False,) * len(lost)
         happened += events.lost_and_back(self._robots, was_lost, lost)
         touched = before.contacts if before else ()

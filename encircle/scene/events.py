@@ -6,54 +6,109 @@ from math import hypot
 from encircle.protocol.endings import EndReason
 from encircle.protocol.messages import State
 from encircle.scene.frame import Event
+from encircle.world.scenario.channel_events import (
+    Change,
+    Cut,
+    DelayChange,
+    Heal,
+    LossChange,
+    RangeChange,
+    cut_spans,
+    last_and_one,
+)
 from encircle.world.scenario.channel_model import Outage, Partition, Silence
+from encircle.world.scenario.model import Event as ScenarioEvent
 from encircle.world.scenario.model import MoveTarget, Scenario
 
 Pairs = tuple[tuple[str, str], ...]
 
 
-def scheduled_events(scenario: Scenario) -> dict[int, list[Event]]:
-    """What the scenario lets happen, by tick; that a robot crashes shows in who is asked."""
-    events: dict[int, list[Event]] = {}
-    for event in scenario.events:
+class Schedule:
+    """What a scenario lets happen, and whose radio is off; events may come as the run goes on.
+
+    That a robot crashes is not in it: it shows in who is asked.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._robots = scenario.ids
+        self._events = list(scenario.events)
+        self._spans = cut_spans(self._events)
+
+    def add(self, event: ScenarioEvent) -> None:
+        """One event more, the last in order."""
+        self._events.append(event)
+        self._spans = cut_spans(self._events)
+
+    def silent(self, tick: int) -> set[int]:
+        """Indices of the robots whose radio is off at a tick."""
+        return {
+            self._robots.index(span.cut.robot)
+            for span in self._spans
+            if isinstance(span.cut, Silence) and span.first <= tick < span.after
+        }
+
+    def at(self, tick: int) -> list[Event]:
+        """What begins or ends at a tick, in the scenario's order."""
+        begun = [self._begun(event) for event in self._events if event.tick == tick]
+        ended = [_ended(span.cut) for span in self._spans if span.after == tick]
+        ended += [
+            Event(event.kind, f"{event.kind} as the scenario has it again", ())
+            for event in self._events
+            if isinstance(event, Change) and last_and_one(event) == tick
+        ]
+        return [event for event in (*ended, *begun) if event is not None]
+
+    def _begun(self, event: ScenarioEvent) -> Event | None:
         match event:
             case MoveTarget():
                 x, y = event.position
-                text = f"the target is moved by hand towards ({x:g}, {y:g}) m"
-                _add(events, event.tick, "moved", text)
+                return Event("moved", f"the target is moved by hand towards ({x:g}, {y:g}) m", ())
             case Silence():
-                robot = event.robot
-                text = f"{robot}'s radio is off for {event.ticks} ticks"
-                _add(events, event.tick, "silence", text, robot)
-                text = f"{robot}'s radio is on again"
-                _add(events, event.tick + event.ticks, "silence", text, robot)
+                return Event("silence", f"{event.robot}'s radio is off", (event.robot,))
             case Outage():
-                ends = f"{event.sender or 'any robot'} to {event.receiver or 'any robot'}"
-                robots = [robot for robot in (event.sender, event.receiver) if robot]
-                text = f"outage from {ends} for {event.ticks} ticks"
-                _add(events, event.tick, "outage", text, *robots)
-                _add(events, event.tick + event.ticks, "outage", f"no outage from {ends}", *robots)
+                robots = tuple([end for end in (event.sender, event.receiver) if end])
+                return Event("outage", f"outage from {_ends(event)}", robots)
             case Partition():
-                groups = " | ".join(", ".join(group) for group in event.groups)
-                robots = [robot for group in event.groups for robot in group]
-                text = f"the team is cut for {event.ticks} ticks: {groups}"
-                _add(events, event.tick, "partition", text, *robots)
-                text = "the team is whole again"
-                _add(events, event.tick + event.ticks, "partition", text, *robots)
-    return events
+                return Event("partition", f"the team is cut: {_groups(event)}", _members(event))
+            case Heal():
+                return Event("heal", "silences, outages and partitions are over", ())
+            case LossChange() | DelayChange() | RangeChange():
+                return Event(event.kind, _change(event), ())
+        return None
 
 
-def _add(events: dict[int, list[Event]], tick: int, kind: str, text: str, *robots: str) -> None:
-    events.setdefault(tick, []).append(Event(kind, text, robots))
+def _ended(cut: Cut) -> Event:
+    match cut:
+        case Silence():
+            return Event("silence", f"{cut.robot}'s radio is on again", (cut.robot,))
+        case Outage():
+            robots = tuple([end for end in (cut.sender, cut.receiver) if end])
+            return Event("outage", f"no outage from {_ends(cut)} any more", robots)
+        case Partition():
+            return Event("partition", "the team is whole again", _members(cut))
 
 
-def silences(scenario: Scenario) -> list[tuple[int, int, int]]:
-    """When whose radio is off: index of the robot, first tick, and the tick after the last."""
-    return [
-        (scenario.ids.index(event.robot), event.tick, event.tick + event.ticks)
-        for event in scenario.events
-        if isinstance(event, Silence)
-    ]
+def _change(event: Change) -> str:
+    match event:
+        case LossChange(rate=float(rate)):
+            return f"every link loses {100.0 * rate:.3g} % of packets"
+        case DelayChange(delay_s=float(delay_s)):
+            return f"every packet takes {1e3 * delay_s:.4g} ms"
+        case RangeChange(range_m=float(range_m)):
+            return f"radios reach {range_m:g} m"
+    return f"{event.kind} as the scenario has it"
+
+
+def _ends(outage: Outage) -> str:
+    return f"{outage.sender or 'any robot'} to {outage.receiver or 'any robot'}"
+
+
+def _groups(partition: Partition) -> str:
+    return " | ".join(", ".join(group) for group in partition.groups)
+
+
+def _members(partition: Partition) -> tuple[str, ...]:
+    return tuple([robot for group in partition.groups for robot in group])
 
 
 def lost_and_back(
