@@ -19,6 +19,7 @@ from statistics import median
 from typing import Any
 
 from decisions import measure as measure_decisions
+from learning_speed import measure_learning
 from realtime import RATES_HZ, measure_real_time
 from rich.console import Console
 from rich.table import Table
@@ -189,6 +190,11 @@ def main() -> None:
     turn = (2.0, 1) if options.quick else (10.0, TURNS)
     report["f_real_time"] = [measure_real_time(rate_hz, *turn) for rate_hz in RATES_HZ]
     show("(f) a world by the clock with 4 robots, beside a bare loop", report["f_real_time"])
+    steps, turns = (100, 1) if options.quick else (2000, TURNS)
+    report["g_learning"] = [
+        measure_learning(n, s, options.peers, turns) for n, s in ((4, steps), (16, steps // 4))
+    ]
+    show("(g) steps per second of the learning environment, one core", report["g_learning"])
     options.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     print(f"written to {options.json}")
 

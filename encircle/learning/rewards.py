@@ -18,9 +18,7 @@ learner is concerned, who is to estimate the rest from the last observation.
 """
 
 from dataclasses import dataclass, fields
-from math import isfinite, pi
-
-import numpy as np
+from math import atan2, hypot, isfinite, pi
 
 from encircle.world.arena.engine import Arena, ArenaState
 
@@ -75,10 +73,13 @@ def measures_of(arena: Arena, state: ArenaState) -> tuple[float, float]:
         rays = rays[state.away == 0]
     if not len(rays):
         return 1.0, 1.0
-    distances = np.sort(np.hypot(rays[:, 0], rays[:, 1]))[: scenario.capture_count]
-    beyond = np.maximum(0.0, distances - scenario.capture.stop_distance_m)
-    bearings = np.sort(np.arctan2(rays[:, 1], rays[:, 0]))
-    widest = float(np.diff(bearings, append=bearings[0] + 2.0 * pi).max())
-    even = 2.0 * pi / len(rays)
-    around = (widest - even) / (2.0 * pi - even) if len(rays) > 1 else 1.0
-    return float(beyond.mean()) / scenario.team.sensing_range_m, around
+    pairs = rays.tolist()
+    nearest = sorted([hypot(x, y) for x, y in pairs])[: scenario.capture_count]
+    stop_m = scenario.capture.stop_distance_m
+    beyond_m = sum([max(0.0, distance - stop_m) for distance in nearest]) / len(nearest)
+    bearings = sorted([atan2(y, x) for x, y in pairs])
+    following = [*bearings[1:], bearings[0] + 2.0 * pi]
+    widest = max([after - before for before, after in zip(bearings, following, strict=True)])
+    even = 2.0 * pi / len(pairs)
+    around = (widest - even) / (2.0 * pi - even) if len(pairs) > 1 else 1.0
+    return beyond_m / scenario.team.sensing_range_m, around
