@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.process.robot_runs import RobotRuns
 from encircle.agents.process.status_lines import StatusLog
 from encircle.agents.process.world_watch import RobotEnd, WorldWatch
@@ -42,7 +43,7 @@ class RobotOptions:
     ``join_s_max``, ``world_s_max``: how long it waits, in s, to be admitted, and for a world that
     is gone. ``rejoins``: take part in run after run under the same name, until the world is gone.
     ``quiet``: report only what goes wrong. ``tracebacks``: the directory for that of a policy that
-    fails, a temporary file if None.
+    fails, a temporary file if None. ``make_core``: as of ``RobotRuns``.
     """
 
     join_s_max: float = JOIN_S_MAX
@@ -50,6 +51,7 @@ class RobotOptions:
     rejoins: bool = False
     quiet: bool = False
     tracebacks: Path | None = None
+    make_core: Callable[..., RobotCore] = RobotCore
 
 
 async def run_robot(robot: str, run: str, endpoints: Endpoints, options: RobotOptions) -> int:
@@ -72,7 +74,7 @@ async def run_robot(robot: str, run: str, endpoints: Endpoints, options: RobotOp
         return 1
     finally:
         notice.cancel()
-    runs = RobotRuns(robot, run, report, options.rejoins, options.tracebacks)
+    runs = RobotRuns(robot, run, report, options.rejoins, options.tracebacks, options.make_core)
     status_log = StatusLog(report)
 
     def report_in_order(line: str) -> None:

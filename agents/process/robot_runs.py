@@ -25,6 +25,7 @@ class RobotRuns:
 
     ``completed``: how many have ended. ``rejoins``: whether it stays for a further run after one.
     ``report`` gets a line on each; ``tracebacks`` is the directory for that of a policy that fails.
+    ``make_core``: what makes the core of each run, from what a ``RobotCore`` is made of.
     """
 
     def __init__(
@@ -34,12 +35,13 @@ class RobotRuns:
         report: Callable[[str], None],
         rejoins: bool,
         tracebacks: Path | None = None,
+        make_core: Callable[..., RobotCore] = RobotCore,
     ) -> None:
         self.rejoins = rejoins
         self.completed = 0
         self._report = report
         self._tracebacks = tracebacks
-        self._new_core = partial(RobotCore, robot, run, bounded_log(), self._report_failure)
+        self._new_core = partial(make_core, robot, run, bounded_log(), self._report_failure)
         self.core = self._new_core()
 
     def answer(self, connection: Connection) -> None:

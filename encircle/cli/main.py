@@ -45,6 +45,7 @@ COMMANDS = {
         "Route between world and robots on many hosts.", "encircle.protocol.programs.router"
     ),
     "certificates": Command("Make certificates for a lab.", "encircle.cli.certificates"),
+    "ros2": Command("Show a run to ROS 2, or let it steer a robot.", "encircle.cli.ros2"),
     "alive": Command("Say whether a node of a run is there.", "encircle.protocol.programs.alive"),
     "doctor": Command("Examine this machine and a run's network.", "encircle.doctor.doctor"),
 }
