@@ -1,0 +1,102 @@
+/* Which part of the plane is seen: all that ever happens, the hunt as it is now, or a view by hand. */
+"use strict";
+
+(function (page) {
+  const MARGIN_M = 1.6;
+  const CLOSE_MARGIN_M = 1.2;
+  const SPAN_M_MIN = 6;
+  const CATCH_UP_HZ = 3;
+  const ZOOM_PX_PER_M_MAX = 400;
+
+  class Camera {
+    constructor() {
+      this.mode = "whole";
+      this.centre = [0, 0];
+      this.pxPerM = 30;
+      this.size = [1, 1];
+      this.fresh = true;
+    }
+
+    setMode(mode) {
+      this.mode = mode;
+    }
+
+    /* Moves on by a stretch of time in s; returns whether the view still changes. */
+    update(model, moment, width, height, s) {
+      const resized = width !== this.size[0] || height !== this.size[1];
+      this.size = [width, height];
+      if (this.mode === "free" && !this.fresh) return false;
+      const box = this.mode === "close" ? closeBox(moment) : wholeBox(model);
+      const goal = this.fit(box);
+      const share = this.fresh || resized ? 1 : 1 - Math.exp(-CATCH_UP_HZ * s);
+      const before = [...this.centre, this.pxPerM];
+      this.centre = page.between(this.centre, goal.centre, share);
+      this.pxPerM *= (goal.pxPerM / this.pxPerM) ** share;
+      this.fresh = false;
+      const now = [...this.centre, this.pxPerM];
+      return now.some((value, k) => Math.abs(value - before[k]) > 1e-3);
+    }
+
+    fit([x0, y0, x1, y1]) {
+      const [w, h] = this.size;
+      const spans = [Math.max(x1 - x0, SPAN_M_MIN), Math.max(y1 - y0, SPAN_M_MIN)];
+      return {
+        centre: [(x0 + x1) / 2, (y0 + y1) / 2],
+        pxPerM: Math.min(w / spans[0], h / spans[1]),
+      };
+    }
+
+    x(xM) {
+      return this.size[0] / 2 + (xM - this.centre[0]) * this.pxPerM;
+    }
+
+    y(yM) {
+      return this.size[1] / 2 - (yM - this.centre[1]) * this.pxPerM;
+    }
+
+    /* The place in m of a point on the canvas. */
+    place(x, y) {
+      return [
+        this.centre[0] + (x - this.size[0] / 2) / this.pxPerM,
+        this.centre[1] - (y - this.size[1] / 2) / this.pxPerM,
+      ];
+    }
+
+    /* Zooms by a factor about a point of the canvas. */
+    zoom(factor, x, y) {
+      const [px, py] = this.place(x, y);
+      this.mode = "free";
+      this.pxPerM = Math.min(this.pxPerM * factor, ZOOM_PX_PER_M_MAX);
+      this.centre[0] = px - (x - this.size[0] / 2) / this.pxPerM;
+      this.centre[1] = py + (y - this.size[1] / 2) / this.pxPerM;
+    }
+
+    pan(dx, dy) {
+      this.mode = "free";
+      this.centre = [this.centre[0] - dx / this.pxPerM, this.centre[1] + dy / this.pxPerM];
+    }
+  }
+
+  function around(points, margin) {
+    const [xs, ys] = [points.map((p) => p[0]), points.map((p) => p[1])];
+    return [
+      Math.min(...xs) - margin,
+      Math.min(...ys) - margin,
+      Math.max(...xs) + margin,
+      Math.max(...ys) + margin,
+    ];
+  }
+
+  function wholeBox(model) {
+    const [x0, y0, x1, y1] = model.bounds || [-5, -5, 5, 5];
+    const corners = [[x0, y0], [x1, y1]];
+    for (const [x, y, r] of model.stage.obstacles) corners.push([x - r, y - r], [x + r, y + r]);
+    return around(corners, MARGIN_M);
+  }
+
+  function closeBox(moment) {
+    return around([...moment.robots, moment.target], CLOSE_MARGIN_M);
+  }
+
+  page.Camera = Camera;
+})((window.encirclePage = window.encirclePage || {}));

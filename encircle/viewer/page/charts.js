@@ -1,0 +1,231 @@
+/* Curves over time, drawn by Bokeh. The cursor at the present tick is an element of our own over
+   each chart, so that moving it draws no chart anew. */
+"use strict";
+
+(function (page) {
+  const LINES_MAX = 16;
+  const LEFT_PX = 44;
+  const RIGHT_PX = 10;
+  const ROOM = 1.25; // A live run's time axis grows by this, not with every tick.
+  const SPAN_S_MIN = 2;
+  const DEGREES = 180 / Math.PI;
+  const known = (value, factor = 1) => (value === null || value === undefined ? NaN : value * factor);
+  const shown = (value, digits, unit) => (Number.isFinite(value) ? `${value.toFixed(digits)} ${unit}` : "undefined");
+
+  /* One entry per chart: name, unit, columns of a frame, a level that matters, what to read off. */
+  function chartsOf(stage) {
+    return [
+      {
+        id: "distance", title: "Distance to target", unit: "m", from: 0,
+        level: stage.stop_distance_m, levelText: "stop distance",
+        of: (val) => val.d, read: (d) => `nearest ${shown(Math.min(...d), 2, "m")}, farthest ${shown(Math.max(...d), 2, "m")}`,
+      },
+      {
+        id: "gap", title: "Largest gap around target", unit: "°", from: 0, level: 180, levelText: "open from 180° on",
+        of: (val) => [known(val.gap, DEGREES)], read: ([v]) => shown(v, 0, "°"),
+      },
+      {
+        id: "slack", title: "Slack of the ring", unit: "°", level: 0, levelText: "closed above 0°",
+        of: (val) => [known(val.slack, DEGREES)], read: ([v]) => shown(v, 0, "°"),
+      },
+      {
+        id: "age", title: "Mean age of information", unit: "ticks", from: 0,
+        of: (val) => [known(val.age)], read: ([v]) => shown(v, 1, "ticks"),
+      },
+      {
+        id: "conflicts", title: "Conflicts: pairs with one goal", unit: "pairs", from: 0, least: 1.2,
+        of: (val) => [known(val.conf)], read: ([v]) => shown(v, 0, v === 1 ? "pair" : "pairs"),
+      },
+      {
+        id: "delivery", title: "Delivered in the last 20 ticks", unit: "%", from: 0, to: 104,
+        of: (val) => [known(val.del, 100)], read: ([v]) => shown(v, 0, "%"),
+      },
+    ];
+  }
+
+  class Charts {
+    constructor(element, look, onSeek) {
+      Object.assign(this, { element, look, onSeek, panels: [], version: -1, end: 0 });
+    }
+
+    /* Builds all charts for the model's run. */
+    build(model) {
+      this.model = model;
+      this.version = model.version;
+      this.element.replaceChildren();
+      this.end = this.endOf(model);
+      this.panels = chartsOf(model.stage).map((chart, k, all) =>
+        this.panel(chart, k === all.length - 1),
+      );
+    }
+
+    endOf(model) {
+      const s = model.lastTick * model.stage.tick_s;
+      if (model.status.state !== "running") return Math.max(s, model.stage.tick_s);
+      return s <= this.end ? this.end : Math.max(SPAN_S_MIN, s * ROOM);
+    }
+
+    panel(chart, lowest) {
+      const value = page.element("span", { class: "value" });
+      const caption = page.element("figcaption", {}, page.element("b", {}, `${chart.title} (${chart.unit})`), " ", value);
+      const cursor = page.element("div", { class: "cursor" });
+      const plot = page.element("div", { class: "plot" }, cursor);
+      const frame = page.element("figure", { class: lowest ? "chart lowest" : "chart", id: `chart-${chart.id}` }, caption, plot);
+      this.element.append(frame);
+      const panel = { chart, value, cursor, plot, filled: 0, view: null };
+      const names = this.names(chart);
+      panel.source = new Bokeh.ColumnDataSource({
+        data: Object.fromEntries(["s", ...names].map((name) => [name, []])),
+      });
+      panel.range = new Bokeh.Range1d({ start: 0, end: this.end });
+      this.fill(panel);
+      const figure = this.figure(panel, names, lowest);
+      Bokeh.Plotting.show(figure, plot).then((view) => {
+        panel.view = view;
+        this.moveCursor(this.at || 0);
+      });
+      this.listen(plot, panel);
+      return panel;
+    }
+
+    /* Columns of a chart; of a large team nearest, middle and farthest stand for all robots. */
+    names(chart) {
+      if (chart.id !== "distance") return ["v0"];
+      const n = this.model.stage.robots.length;
+      return Array.from({ length: n <= LINES_MAX ? n : 3 }, (_, k) => `v${k}`);
+    }
+
+    values(chart, frame) {
+      const values = chart.of(frame.val);
+      if (values.length <= LINES_MAX) return values;
+      const sorted = [...values].sort((a, b) => a - b);
+      return [sorted[0], sorted[Math.floor(sorted.length / 2)], sorted[sorted.length - 1]];
+    }
+
+    /* Adds the ticks that a chart does not have yet. */
+    fill(panel) {
+      const { model } = this;
+      const columns = Object.keys(panel.source.data);
+      const fresh = Object.fromEntries(columns.map((name) => [name, []]));
+      for (let t = panel.filled; t < model.frames.length; t += 1) {
+        const frame = model.frames[t];
+        if (!frame) continue;
+        fresh.s.push(t * model.stage.tick_s);
+        this.values(panel.chart, frame).forEach((value, k) => fresh[`v${k}`].push(value));
+      }
+      panel.filled = model.frames.length;
+      if (fresh.s.length) panel.source.stream(fresh);
+    }
+
+    figure(panel, names, lowest) {
+      const { look } = this;
+      const { chart } = panel;
+      const figure = Bokeh.Plotting.figure({
+        tools: "", toolbar_location: null, sizing_mode: "stretch_both", x_range: panel.range,
+        min_border_left: LEFT_PX * look.scale, min_border_right: RIGHT_PX, min_border_top: 3, min_border_bottom: lowest ? 36 : 4,
+        background_fill_color: look.colour("background"), border_fill_color: look.colour("panel"),
+        outline_line_color: look.colour("line"),
+      });
+      const { y_range: range } = figure;
+      if (chart.from !== undefined) range.start = chart.from;
+      if (chart.to !== undefined) range.end = chart.to;
+      range.range_padding = 0.12;
+      if (chart.least) range.min_interval = chart.least;
+      this.styleAxes(figure, lowest);
+      if (chart.level !== undefined) {
+        figure.add_layout(new Bokeh.Span({
+          location: chart.level, dimension: "width", line_color: look.colour("muted"), line_dash: [4, 3], line_width: 1,
+        }));
+      }
+      const many = names.length > 1;
+      names.forEach((name, k) => {
+        const style = many ? page.robotStyle(k) : { colour: look.colour("arrived"), dash: [] };
+        const line = {
+          source: panel.source, line_color: style.colour, line_width: many ? 1.4 : 1.8,
+          line_dash: names.length > 8 ? [] : style.dash,
+        };
+        const [x, y] = [{ field: "s" }, { field: name }];
+        if (chart.id === "conflicts") figure.step(x, y, "after", line);
+        else figure.line(x, y, line);
+      });
+      return figure;
+    }
+
+    styleAxes(figure, lowest) {
+      const { look } = this;
+      const px = `${Math.round(11 * look.scale)}px`;
+      for (const axis of [...figure.xaxes, ...figure.yaxes]) {
+        Object.assign(axis, {
+          axis_line_color: look.colour("line"), major_tick_line_color: look.colour("line"), minor_tick_line_color: null,
+          major_label_text_color: look.colour("muted"), major_label_text_font_size: px, major_label_text_font: "system-ui, sans-serif",
+          axis_label_text_color: look.colour("muted"), axis_label_text_font_size: px, axis_label_text_font: "system-ui, sans-serif",
+          axis_label_text_font_style: "normal", axis_label_standoff: 1, major_label_standoff: 3, major_tick_in: 0, major_tick_out: 3,
+        });
+      }
+      for (const axis of figure.yaxes) axis.ticker.desired_num_ticks = 3;
+      for (const axis of figure.xaxes) {
+        if (lowest) axis.axis_label = "time (s)";
+        else axis.visible = false;
+      }
+      for (const grid of [...figure.xgrids, ...figure.ygrids]) grid.grid_line_color = look.colour("grid");
+    }
+
+    /* A press or a drag on a chart goes to that time. */
+    listen(plot, panel) {
+      const seek = (event) => {
+        const box = this.frameBox(panel);
+        if (!box) return;
+        const share = (event.clientX - plot.getBoundingClientRect().left - box.left) / box.width;
+        this.onSeek(Math.round((Math.min(1, Math.max(0, share)) * this.end) / this.model.stage.tick_s));
+      };
+      plot.addEventListener("pointerdown", (event) => {
+        plot.setPointerCapture(event.pointerId);
+        seek(event);
+      });
+      plot.addEventListener("pointermove", (event) => {
+        if (event.buttons) seek(event);
+      });
+    }
+
+    frameBox(panel) {
+      const box = panel.view && panel.view.frame && panel.view.frame.bbox;
+      return box && box.width > 0 ? box : null;
+    }
+
+    /* Takes in what has come since, and moves the cursors to a time in ticks. */
+    update(model, time, moment) {
+      if (model.version !== this.version) this.build(model);
+      if (this.panels.some((panel) => panel.filled < model.frames.length)) {
+        this.end = this.endOf(model);
+        for (const panel of this.panels) {
+          this.fill(panel);
+          panel.range.end = this.end;
+        }
+      }
+      for (const { chart, value } of this.panels) {
+        page.setText(value, chart.read(chart.of(moment.frame.val)));
+      }
+      this.moveCursor(time);
+    }
+
+    moveCursor(time) {
+      this.at = time;
+      const share = (time * this.model.stage.tick_s) / this.end;
+      for (const panel of this.panels) {
+        const box = this.frameBox(panel);
+        panel.cursor.hidden = !box;
+        if (!box) continue;
+        panel.cursor.style.transform = `translateX(${(box.left + share * box.width).toFixed(1)}px)`;
+        panel.cursor.style.top = `${box.top}px`;
+        panel.cursor.style.height = `${box.height}px`;
+      }
+    }
+
+    /* After a change of theme or type. */
+    restyle() {
+      if (this.model) this.build(this.model);
+    }
+  }
+
+  page.Charts = Charts;
+})((window.encirclePage = window.encirclePage || {}));

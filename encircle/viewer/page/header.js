@@ -1,0 +1,81 @@
+/* What is on top: the run, its time and outcome, and a notice when something is not as it should be. */
+"use strict";
+
+(function (page) {
+  const KNOWN_CHANNEL_MAX = 6;
+
+  /* The run's outcome in words, as far as it is known at a tick. */
+  page.outcome = function (model, tick) {
+    const { stage, status, lastTick } = model;
+    const captured = model.captureTick;
+    const at = (t) => `tick ${t} (${(t * stage.tick_s).toFixed(1)} s)`;
+    if (captured !== null && tick >= captured) return { kind: "captured", text: `captured at ${at(captured)}` };
+    if (captured !== null) return { kind: "open", text: `not yet captured; capture at ${at(captured)}` };
+    if (status.state === "running") return { kind: "open", text: "hunting" };
+    if (!status.complete) return { kind: "cut", text: `cut off at ${at(lastTick)}` };
+    return { kind: "missed", text: `not captured in ${at(lastTick)}` };
+  };
+
+  /* What the reader should know of the data itself: {kind, text}, or null if all is well. */
+  page.notice = function (model, connection, selected) {
+    if (connection === "failed") return { kind: "bad", text: "The data in this file cannot be read." };
+    if (connection === "lost") {
+      const goesOn = model.hasFrames ? " What came so far stays." : "";
+      return { kind: "bad", text: `Connection lost: trying again.${goesOn}` };
+    }
+    if (!model.hasFrames) {
+      return { kind: "wait", text: model.status.text || "No data yet: waiting for the run to begin." };
+    }
+    if (!model.status.complete) {
+      return { kind: "warn", text: `This recording was cut off: it ends at tick ${model.lastTick}, before the end of its run.` };
+    }
+    if (selected !== null && !model.hasBeliefs) {
+      return { kind: "warn", text: "This recording has no beliefs: only the truth can be shown." };
+    }
+    return model.status.text ? { kind: "info", text: model.status.text } : null;
+  };
+
+  class Header {
+    constructor() {
+      this.version = -1;
+    }
+
+    updateRun(model) {
+      const { stage } = model;
+      this.version = model.version;
+      page.setText(page.byId("title"), stage.title || stage.run);
+      document.title = `${stage.title || stage.run} · Encircle`;
+      page.setText(page.byId("seed"), `seed ${stage.seed}`);
+      const policies = [...new Set(stage.policies)].join(", ");
+      page.setText(page.byId("team"), `${stage.robots.length} robots, policy ${policies}; target: ${stage.behaviour}`);
+      const words = stage.channel.slice(0, KNOWN_CHANNEL_MAX);
+      const more = stage.channel.length > words.length ? "; …" : "";
+      const channel = page.byId("channel");
+      page.setText(channel, `Radio: ${words.join("; ") || "every packet arrives at the next tick"}${more}`);
+      channel.title = stage.channel.join("\n");
+    }
+
+    update(model, player, notice) {
+      this.showNotice(notice);
+      if (!model.stage) return;
+      if (this.version !== model.version) this.updateRun(model);
+      const { tick } = player;
+      page.setText(page.byId("tick"), `tick ${tick}`);
+      page.setText(page.byId("seconds"), `${(player.time * model.stage.tick_s).toFixed(1)} s`);
+      const outcome = page.outcome(model, tick);
+      const element = page.byId("outcome");
+      page.setText(element, outcome.text);
+      element.dataset.kind = outcome.kind;
+    }
+
+    showNotice(notice) {
+      const element = page.byId("notice");
+      element.hidden = !notice;
+      if (!notice) return;
+      element.dataset.kind = notice.kind;
+      page.setText(element, notice.text);
+    }
+  }
+
+  page.Header = Header;
+})((window.encirclePage = window.encirclePage || {}));

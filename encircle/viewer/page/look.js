@@ -1,0 +1,152 @@
+/* How things look: theme, size of type, and the shapes that stand beside every colour. */
+"use strict";
+
+(function (page) {
+  const FONT = "system-ui, 'DejaVu Sans', sans-serif";
+  const LARGE = 1.4;
+  const ROBOT_SHAPES = ["disc", "square", "triangle", "diamond", "wedge", "cross"];
+  const DASHES = [[], [7, 3], [7, 3, 2, 3], [2, 2], [10, 4], [5, 3]];
+
+  /* Theme and size of type; told to all who listen as they change. */
+  class Look {
+    constructor() {
+      this.large = false;
+      this.listeners = [];
+      this.systemDark = window.matchMedia("(prefers-color-scheme: dark)");
+      this.chosen = null;
+      this.systemDark.addEventListener("change", () => this.changed());
+      this.changed();
+    }
+
+    get theme() {
+      return this.chosen || (this.systemDark.matches ? "dark" : "light");
+    }
+
+    get scale() {
+      return this.large ? LARGE : 1;
+    }
+
+    /* The colour of a role of the palette. */
+    colour(role) {
+      return page.palette.themes[this.theme][role];
+    }
+
+    setTheme(theme) {
+      this.chosen = theme;
+      this.changed();
+    }
+
+    setLarge(large) {
+      this.large = large;
+      this.changed();
+    }
+
+    /* A CSS font of the given size in px, before the switch to large type. */
+    font(px, weight = 400) {
+      return `${weight} ${Math.round(px * this.scale * 10) / 10}px ${FONT}`;
+    }
+
+    changed() {
+      const root = document.documentElement;
+      for (const [role, colour] of Object.entries(page.palette.themes[this.theme])) {
+        root.style.setProperty(`--${role}`, colour);
+      }
+      root.dataset.theme = this.theme;
+      root.dataset.type = this.large ? "large" : "normal";
+      for (const listener of this.listeners) listener();
+    }
+  }
+
+  /* A robot's colour, shape and dashes by its place in the robot order; as in the figures, robots
+     of one colour differ in shape and dashes. */
+  page.robotStyle = function (k) {
+    const colours = page.palette.robots;
+    const other = (k + Math.floor(k / colours.length)) % ROBOT_SHAPES.length;
+    return { colour: colours[k % colours.length], shape: ROBOT_SHAPES[other], dash: DASHES[other] };
+  };
+
+  /* The look of a packet's fate: "arrived", "late" or the name of a cause of loss. */
+  page.fateStyle = function (fate) {
+    const { palette } = page;
+    return palette[fate === "arrived" || fate === "late" ? fate : ""] || palette.lost[fate] || palette.unknownLoss;
+  };
+
+  function polygon(ctx, x, y, r, corners, turn) {
+    for (let k = 0; k < corners; k += 1) {
+      const angle = turn + (2 * Math.PI * k) / corners;
+      ctx[k ? "lineTo" : "moveTo"](x + r * Math.cos(angle), y + r * Math.sin(angle));
+    }
+    ctx.closePath();
+  }
+
+  function spokes(ctx, x, y, r, arms, turn) {
+    for (let k = 0; k < arms; k += 1) {
+      const angle = turn + (Math.PI * k) / arms;
+      const [dx, dy] = [r * Math.cos(angle), r * Math.sin(angle)];
+      ctx.moveTo(x - dx, y - dy);
+      ctx.lineTo(x + dx, y + dy);
+    }
+  }
+
+  const FILLED = {
+    disc: (ctx, x, y, r) => ctx.arc(x, y, r, 0, 2 * Math.PI),
+    diamond: (ctx, x, y, r) => polygon(ctx, x, y, 1.25 * r, 4, 0),
+    square: (ctx, x, y, r) => ctx.rect(x - 0.85 * r, y - 0.85 * r, 1.7 * r, 1.7 * r),
+    triangle: (ctx, x, y, r) => polygon(ctx, x, y, 1.2 * r, 3, -Math.PI / 2),
+    wedge: (ctx, x, y, r) => polygon(ctx, x, y, 1.2 * r, 3, Math.PI / 2),
+    cross: (ctx, x, y, r) => {
+      ctx.rect(x - r, y - 0.38 * r, 2 * r, 0.76 * r);
+      ctx.rect(x - 0.38 * r, y - r, 0.76 * r, 2 * r);
+    },
+  };
+  const STROKED = {
+    x: (ctx, x, y, r) => spokes(ctx, x, y, r, 2, Math.PI / 4),
+    plus: (ctx, x, y, r) => spokes(ctx, x, y, r, 2, 0),
+    star: (ctx, x, y, r) => spokes(ctx, x, y, r, 3, Math.PI / 2),
+    bar: (ctx, x, y, r) => spokes(ctx, x, y, r, 1, Math.PI / 2),
+    "ring-x": (ctx, x, y, r) => {
+      spokes(ctx, x, y, 0.7 * r, 2, Math.PI / 4);
+      ctx.moveTo(x + 1.15 * r, y);
+      ctx.arc(x, y, 1.15 * r, 0, 2 * Math.PI);
+    },
+    "box-x": (ctx, x, y, r) => {
+      spokes(ctx, x, y, 0.8 * r, 2, Math.PI / 4);
+      ctx.rect(x - r, y - r, 2 * r, 2 * r);
+    },
+  };
+
+  /* Draws a shape of radius r about (x, y) in the given colour. */
+  page.drawShape = function (ctx, shape, x, y, r, colour, lineWidth = 1.6) {
+    ctx.beginPath();
+    (FILLED[shape] || STROKED[shape] || STROKED.x)(ctx, x, y, r);
+    ctx.fillStyle = ctx.strokeStyle = colour;
+    ctx.lineWidth = lineWidth;
+    if (FILLED[shape]) ctx.fill();
+    else ctx.stroke();
+  };
+
+  /* A canvas element that shows a shape, for legends; the words beside it say the same. */
+  page.shapeIcon = function (shape, colour, sizePx) {
+    const ratio = window.devicePixelRatio || 1;
+    const icon = document.createElement("canvas");
+    icon.width = icon.height = Math.round(sizePx * ratio);
+    icon.style.width = icon.style.height = `${sizePx}px`;
+    icon.setAttribute("aria-hidden", "true");
+    const ctx = icon.getContext("2d");
+    ctx.scale(ratio, ratio);
+    page.drawShape(ctx, shape, sizePx / 2, sizePx / 2, 0.32 * sizePx, colour);
+    return icon;
+  };
+
+  /* A text with a rim in the background's colour, legible over whatever is below it. */
+  page.drawLabel = function (ctx, text, x, y, colour, rim) {
+    ctx.lineJoin = "round";
+    ctx.lineWidth = 3;
+    ctx.strokeStyle = rim;
+    ctx.strokeText(text, x, y);
+    ctx.fillStyle = colour;
+    ctx.fillText(text, x, y);
+  };
+
+  page.Look = Look;
+})((window.encirclePage = window.encirclePage || {}));
