@@ -28,6 +28,7 @@ COMMANDS = {
     "replay": Command(
         "Read a recording back, and check it.", "encircle.cli.recordings", "replay_main"
     ),
+    "export": Command("Write a recording in another format.", "encircle.cli.exporting"),
     "transport": Command(
         "Show what the network did to each link.", "encircle.cli.recordings", "transport_main"
     ),
@@ -109,6 +110,7 @@ def _status(run: Callable[[Sequence[str], str], int], rest: Sequence[str], progr
 def _failure(error: BaseException) -> tuple[int, str] | None:
     """Exit status and text for an error that a user can do something about, else None."""
     # Imported late: a robot that does well needs nothing of the world.
+    from encircle.extras import MissingExtra, missing_line
     from encircle.protocol.plugins import PluginFailed
     from encircle.protocol.process.interrupts import Interrupted
     from encircle.protocol.process.tracebacks import failure_line
@@ -117,7 +119,7 @@ def _failure(error: BaseException) -> tuple[int, str] | None:
     from encircle.world.scenario.errors import ScenarioError
 
     match error:
-        case ScenarioError() | RunDirectoryError():
+        case ScenarioError() | RunDirectoryError() | MissingExtra():
             return 2, str(error)
         case Interrupted():
             return 1, str(error)
@@ -128,6 +130,9 @@ def _failure(error: BaseException) -> tuple[int, str] | None:
                 f"this command needs {name}, which an image for nodes leaves out:"
                 " take the image of the laboratory, docker build --target laboratory"
             )
+        case ModuleNotFoundError():
+            line = missing_line(error)
+            return None if line is None else (2, line)
         case PluginFailed():
             # What only reads a run leaves nothing in its directory.
             return 1, failure_line(error, None)

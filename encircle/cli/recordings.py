@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from encircle.cli.reading import read_or_tell
 from encircle.protocol.process.log import printable, say, say_error
 from encircle.protocol.programs.options import Options
 
@@ -30,7 +31,7 @@ def replay_main(arguments: Sequence[str], program: str) -> int:
     # Imported late: a mistyped command need not wait for the brains.
     from encircle.replay.replaying import replay
 
-    recording = _read(settings.run)
+    recording = read_or_tell(settings.run)
     if settings.robots:
         _say_robots(recording, settings.json)
         return 0
@@ -113,7 +114,7 @@ def transport_main(arguments: Sequence[str], program: str) -> int:
     from encircle.network.transport_tables import print_transport_report
     from encircle.world.network.transport import report
 
-    links = report(ledger_of(_read(settings.run)))
+    links = report(ledger_of(read_or_tell(settings.run)))
     if settings.json:
         say(json.dumps(links))
     else:
@@ -158,7 +159,9 @@ def trace_main(arguments: Sequence[str], program: str) -> int:
         options.error("--nodes: is for --from orbit")
     out = settings.out
     check_trace_path(out)
-    trace = trace_of(_read(settings.run)) if form is None else FORMATS[form](settings.run, nodes)
+    trace = (
+        trace_of(read_or_tell(settings.run)) if form is None else FORMATS[form](settings.run, nodes)
+    )
     write_trace(trace, out)
     lost = sum(row.lost for row in trace.rows)
     if trace.delays_refused is not None:
@@ -180,17 +183,3 @@ def _options(program: str, description: str) -> Options:
     )
     options.add_flag("--json", "print one JSON object")
     return options
-
-
-def _read(run: Path) -> "Recording":
-    """A recording, with a line on standard error if it is not whole."""
-    from encircle.world.recording.recording import read_recording
-
-    recording = read_recording(run)
-    if not recording.complete:
-        last = max((tick for tick, _, _ in recording.messages), default=0)
-        say_error(
-            f"encircle: {recording.path} is cut off or damaged: it can be read up to tick {last},"
-            " and what follows is left out"
-        )
-    return recording

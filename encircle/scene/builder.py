@@ -280,20 +280,30 @@ _KINDS: dict[str, Any] = {
 
 
 def scene_of_recording(recording: Recording, beliefs: bool = True) -> Scene:
-    """All frames of a recorded run; of one cut off before the first tick, the start alone.
+    """All frames of a recorded run; raises as ``frames_of_recording``."""
+    stage = stage_of(recording.scenario, recording.seed, recording.run)
+    frames = tuple(frames_of_recording(recording, beliefs))
+    return Scene(stage, frames, recording.complete)
+
+
+def frames_of_recording(recording: Recording, beliefs: bool = True) -> Iterator[Frame]:
+    """The frames of a recorded run; of one cut off before the first tick, the start alone.
 
     Raises ``RecordingError`` for a message that cannot be read.
     """
     scenario, seed, run = recording.scenario, recording.seed, recording.run
-    builder, frames = SceneBuilder(scenario, seed, run, beliefs), []
+    builder, is_empty = SceneBuilder(scenario, seed, run, beliefs), True
     for tick, topic, payload in recording.messages:
         try:
-            frames += builder.take(tick, topic, payload)
+            for frame in builder.take(tick, topic, payload):
+                yield frame
+                is_empty = False
         except ProtocolError as error:
             raise RecordingError(f"{recording.path}: {topic} of tick {tick}: {error}") from None
-    frames += builder.finish()
-    if not frames:
+    for frame in builder.finish():
+        yield frame
+        is_empty = False
+    if is_empty:
         arena = build(scenario, seed)
         builder.take(0, "world/state", encode(truth(arena, initial(arena)), run))
-        frames += builder.finish()
-    return Scene(builder.stage, tuple(frames), recording.complete)
+        yield from builder.finish()

@@ -1,0 +1,151 @@
+"""``encircle export``: a recording written in another format.
+
+A format is a row of ``FORMATS``: a function ``export(recording, out, *, ...)`` that writes to a
+path at which there is nothing yet. Its keyword-only arguments are the format's own options, set by
+``--option NAME=VALUE``.
+"""
+
+import json
+from argparse import ArgumentTypeError
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from inspect import Parameter, signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
+
+from encircle.cli.reading import read_or_tell
+from encircle.extras import needing
+from encircle.protocol.process.interrupts import signals_held
+from encircle.protocol.process.log import say
+from encircle.protocol.programs.option_values import yes_or_no
+from encircle.protocol.programs.options import Options
+from encircle.protocol.suggestions import did_you_mean
+
+if TYPE_CHECKING:
+    from encircle.world.recording.recording import Recording
+
+
+class Format(NamedTuple):
+    """A format: what it is for, where its function is, which extra it needs ("" for none).
+
+    ``suffix``: what is put after the run's name to name the file or directory.
+    """
+
+    summary: str
+    module: str
+    extra: str
+    suffix: str
+    function: str = "export"
+
+
+FORMATS: dict[str, Format] = {
+    "parquet": Format(
+        "tables for pandas and others", "encircle.exports.parquet", "studies", "-parquet"
+    ),
+}
+
+
+def main(arguments: Sequence[str], program: str) -> int:
+    """Write a recording in another format; returns the exit status."""
+    options = _options(program)
+    settings = options.parse(arguments)
+    form = FORMATS.get(settings.to)
+    if form is None:
+        hint = did_you_mean(settings.to, FORMATS)
+        options.error(f"--to {settings.to}: no such format{hint}; there are {', '.join(FORMATS)}")
+    # Imported late: a mistyped command need not wait for the recording's reader.
+    from encircle.whole_files import check_new, made_whole
+
+    out = settings.out or default_out(settings.run, form)
+    check_new(out)
+    with needing(f"--to {settings.to}", form.extra or None):
+        export = getattr(import_module(form.module), form.function)
+        given = _own_options(options, export, settings.to, settings.option)
+        recording = read_or_tell(settings.run)
+        with signals_held(), made_whole(out) as unfinished:
+            export(recording, unfinished, **given)
+    _show(recording, settings.to, out, settings.json)
+    return 0
+
+
+def default_out(run: Path, form: Format) -> Path:
+    """Beside the recording, under the name of the run's directory."""
+    directory = run if run.is_dir() else run.parent
+    return directory / f"{directory.resolve().name or 'run'}{form.suffix}"
+
+
+def _show(recording: "Recording", name: str, out: Path, as_json: bool) -> None:
+    files = [path for path in out.rglob("*") if path.is_file()] if out.is_dir() else [out]
+    size = sum(path.stat().st_size for path in files)
+    if not as_json:
+        say(f"{name}, {size / 1e6:.3g} MB: {out}")
+        return
+    answer = {"run": recording.run, "format": name, "out": str(out), "bytes": size}
+    say(json.dumps({**answer, "complete": recording.complete}))
+
+
+def _own_options(
+    options: Options, export: Callable[..., None], name: str, texts: Sequence[str]
+) -> dict[str, Any]:
+    """The format's own options as given; ends the command for one that it does not have."""
+    known = {
+        key: parameter
+        for key, parameter in signature(export).parameters.items()
+        if parameter.kind is Parameter.KEYWORD_ONLY
+    }
+    given = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        key = key.strip()
+        if not equals:
+            options.error(f"--option {text}: write NAME=VALUE")
+        if key not in known:
+            options.error(f"--option {key}: --to {name} has {_listed(known, key)}")
+        try:
+            given[key] = _value(value.strip(), known[key].annotation)
+        except (ValueError, ArgumentTypeError) as error:
+            options.error(f"--option {text}: {error}")
+    return given
+
+
+def _listed(known: Mapping[str, Parameter], key: str) -> str:
+    if not known:
+        return "no options"
+    return f"no such option{did_you_mean(key, known)}; it has {', '.join(known)}"
+
+
+def _value(text: str, annotation: Any) -> Any:
+    """A text read as what an option is annotated with; of several kinds the first that fits."""
+    kinds = [kind for kind in get_args(annotation) or (annotation,) if kind is not type(None)]
+    for kind in kinds:
+        if kind is bool:
+            return yes_or_no(text)
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    wanted = " or ".join({int: "a whole number", float: "a number"}.get(k, "text") for k in kinds)
+    raise ValueError(f"must be {wanted}")
+
+
+def _options(program: str) -> Options:
+    width = max(map(len, FORMATS))
+    options = Options(
+        program,
+        "Write a recording in another format: "
+        + "; ".join(f"{name:{width}} {form.summary}" for name, form in FORMATS.items()),
+        environment=False,
+    )
+    options.add(
+        "run", "a run's directory or its recording", read=Path, metavar="RUN", required=True
+    )
+    options.add("--to", "the format", metavar="FORMAT", required=True)
+    options.add(
+        "--out",
+        "where to write it; beside the recording if left out",
+        read=Path,
+        metavar="PATH",
+    )
+    options.add_list("--option", "an option of the format; may be repeated", metavar="NAME=VALUE")
+    options.add_flag("--json", "print one JSON object")
+    return options

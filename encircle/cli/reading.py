@@ -1,0 +1,24 @@
+"""Reading a recording for a command: one that is cut off is told of, and read all the same."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from encircle.protocol.process.log import say_error
+
+if TYPE_CHECKING:
+    from encircle.world.recording.recording import Recording
+
+
+def read_or_tell(run: Path) -> "Recording":
+    """A recording, with a line on standard error if it is not whole."""
+    # Imported late: a mistyped command need not wait for the recording's reader.
+    from encircle.world.recording.recording import read_recording
+
+    recording = read_recording(run)
+    if not recording.complete:
+        last = max((tick for tick, _, _ in recording.messages), default=0)
+        say_error(
+            f"encircle: {recording.path} is cut off or damaged: it can be read up to tick {last},"
+            " and what follows is left out"
+        )
+    return recording
