@@ -6,14 +6,15 @@ a collision. No clock, no connection, no log, no random draw. ``perceive`` and `
 comes before and after the decision, for a caller who decides himself.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import hypot
 from typing import Any, NamedTuple
 
+from encircle.agents.brain.received import detections_of, in_order, newest_packets
 from encircle.agents.estimation import kalman
-from encircle.agents.estimation.kalman import Detection, Track
+from encircle.agents.estimation.kalman import Track
 from encircle.agents.estimation.spline import extrapolate
 from encircle.agents.planning.collision_avoidance import avoid
 from encircle.agents.planning.search import Search, search_goal
@@ -22,7 +23,7 @@ from encircle.agents.policies.interface import Decision, Policy, View
 from encircle.agents.teamwork import fusing
 from encircle.agents.teamwork import peers as team
 from encircle.agents.teamwork.publishing import ReceiverModel, next_receiver_model, should_publish
-from encircle.agents.teamwork.relaying import detections_to_relay, relayed_detections
+from encircle.agents.teamwork.relaying import detections_to_relay
 from encircle.protocol.messages import Command, Observation, Point, Pose, quantise_m
 from encircle.protocol.parameters import Parameters
 from encircle.protocol.plugins import STRATEGIES, PluginFailed
@@ -127,14 +128,11 @@ def perceive(
     """The first half of a tick: what was sensed and received is taken in; as ``step``."""
     indices = indices_of(config.team)
     state, missed_ticks = _skip_to(state, observation.tick, config)
-    # Arrival order is never information.
-    ranked = [(p.tick, indices[p.robot], p.sequence, k) for k, p in enumerate(packets)]
-    ranked.sort()
-    received = [(index, packets[k]) for _, index, _, k in ranked]
+    received = in_order(packets, indices)
     seen = [(indices[robot], x, y) for robot, x, y in observation.seen]
     tick, own = observation.tick, indices[config.robot]
     peers = team.incorporate(state.peers, received, seen, tick, config.tick_s)
-    detections_in = _detections(observation, own, received, indices)
+    detections_in = detections_of(observation, own, received, indices)
     if config.parameters.detections in fusing.FUSIONS:
         track = fusing.incorporate(
             state.track, detections_in, received, own, tick, config.tick_s, config.parameters
@@ -150,7 +148,7 @@ def perceive(
         )
     present = team.without_lost(peers, lost)
     planned_team = team.planning_team(present, own, observation.position, tick, config.parameters)
-    newest = _newest_packets(state.packets, received, tick) if received else state.packets
+    newest = newest_packets(state.packets, received, tick) if received else state.packets
     estimate = track.estimate
     search = searching = None
     if estimate is None:
@@ -230,27 +228,6 @@ def act(
     return after, Action(pose, command)
 
 
-def _newest_packets(
-    packets: tuple[Pose | None, ...], received: Sequence[tuple[int, Pose]], tick: int
-) -> tuple[Pose | None, ...]:
-    """The newest packet of each robot, after these: ``(index, packet)``, oldest first."""
-    newest = list(packets)
-    if received[0][1].tick == tick - 1:
-        # None is late, so each is newer than what was known.
-        for index, packet in received:
-            newest[index] = packet
-        return tuple(newest)
-    for index, packet in received:
-        known = newest[index]
-        if (
-            known is None
-            or packet.tick > known.tick
-            or (packet.tick == known.tick and packet.sequence > known.sequence)
-        ):
-            newest[index] = packet
-    return tuple(newest)
-
-
 def _skip_to(state: BrainState, tick: int, config: RobotConfig) -> tuple[BrainState, int]:
     """The state as of the tick before, and how many ticks have passed without an observation.
 
@@ -268,28 +245,6 @@ def _skip_to(state: BrainState, tick: int, config: RobotConfig) -> tuple[BrainSt
             receiver_model, None, passed, config.tick_s, parameters
         )
     return state._replace(track=track, receiver_model=receiver_model), tick - next_tick
-
-
-def _detections(
-    observation: Observation,
-    own: int,
-    received: Sequence[tuple[int, Pose]],
-    indices: Mapping[str, int],
-) -> list[Detection]:
-    """Every detection that reached this robot at this tick, its own included."""
-    tick = observation.tick
-    collected, relaying = [], []
-    for index, packet in received:
-        if packet.detection is not None and packet.tick < tick:
-            collected.append((packet.tick, index, *packet.detection))
-        if packet.relayed:
-            relaying.append(packet)
-    if relaying:
-        # Of one origin and tick the last counts: the origin's own packet, not one that relays it.
-        collected = relayed_detections(relaying, tick, own, indices) + collected
-    if observation.target is not None:
-        collected.append((tick, own, *observation.target))
-    return collected
 
 
 def _packet(

@@ -121,8 +121,10 @@ def incorporate(
         merged = {d[1]: d for d in (*arrived, *known)}  # one per origin, the one known first
         if len(merged) > len(known):
             entries[index] = Entry(tuple(sorted(merged.values())), None)
-            dirty = min(dirty, index)
-            newest = max(newest, heard_tick)
+            if index < dirty:
+                dirty = index
+            if heard_tick > newest:
+                newest = heard_tick
     if -1 < newest < tick - parameters.track_age_ticks_max:
         # What the old track was fed with is forgotten, so a copy of it must not feed the new one.
         first = max(first, newest + 1)
@@ -188,8 +190,12 @@ def _step(
     """One tick of the filter: predict, then update with all of the tick's detections at once."""
     count = len(detections)
     if count:
-        mean_x = sum([d[2] for d in detections]) / count
-        mean_y = sum([d[3] for d in detections]) / count
+        # Not by sum(), which from Python 3.12 on compensates for rounding, and before did not.
+        total_x = total_y = 0.0
+        for _, _, detected_x, detected_y in detections:
+            total_x += detected_x
+            total_y += detected_y
+        mean_x, mean_y = total_x / count, total_y / count
         if before is None:
             covariance = (noise[2] ** 2 / count, 0.0, velocity_mps_std**2)
             return Estimate(mean_x, mean_y, 0.0, 0.0, covariance)

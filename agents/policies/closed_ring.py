@@ -26,7 +26,9 @@ nothing of how a target behaves but that it moves.
 """
 
 from collections.abc import Sequence
+from functools import reduce
 from math import atan2, cos, hypot, inf, pi, sin, sqrt
+from operator import add
 from typing import Annotated
 
 from encircle.agents.planning.occupied_angles import Slack, half_angle, slacks
@@ -83,7 +85,9 @@ def closed_ring(
     aside = max(-aside_max, min(aside_max, distance * turn_rad))
     inward = sqrt(full_m * full_m - aside * aside)
     if is_open and distance > hold_m:
-        nearest = max(hold_m, sum(distances) / len(distances) - lead_m)
+        # Not by sum(), whose rounding depends on Python's version.
+        total_m = reduce(add, distances)
+        nearest = max(hold_m, total_m / len(distances) - lead_m)
         inward = max(0.0, min(inward, distance - nearest))
     ux, uy = cos(bearing), sin(bearing)
     step = (-inward * ux - aside * uy, -inward * uy + aside * ux)

@@ -35,8 +35,13 @@ def digested_part(message: Pose | Command, payload: bytes, run: str) -> bytes:
     The message is encoded anew if the name cannot be cut off what was sent, and if it is a command
     that counts refused messages.
     """
+    if not begins_canonically(type(message), payload, run):
+        payload = encode_any_length(message, run)
+    return digested_part_of_own(message, payload, run)
+
+
+def digested_part_of_own(message: Pose | Command, payload: bytes, run: str) -> bytes:
+    """As ``digested_part``, of a payload that this process has encoded itself."""
     if isinstance(message, Command) and message.refused:
         payload = encode_any_length(replace(message, refused={}), run)
-    elif not begins_canonically(type(message), payload, run):
-        payload = encode_any_length(message, run)
     return body_of(payload, run)

@@ -15,7 +15,7 @@ from encircle.protocol.errors import ProtocolError
 from encircle.protocol.lockstep import Move
 from encircle.protocol.messages import Command, Observation, Pose
 from encircle.world.arena.engine import Arena, ArenaState
-from encircle.world.coordinator.answers import Answer, digested_part
+from encircle.world.coordinator.answers import Answer, digested_part, digested_part_of_own
 from encircle.world.coordinator.incoming import check_without_times, read_answer, reported_failure
 from encircle.world.coordinator.journal import Record
 from encircle.world.coordinator.membership import DepartureCause
@@ -110,9 +110,15 @@ class WorldCore:
 
         For hunts inside one process, whose own encoder has just made the bytes.
         """
+        table, answer = self.rounds.table, Answer()
         if pose is not None:
-            self._take_pose(pose, packet)
-        self._take_command(command, payload)
+            table.move(pose.robot, Move.POSE, pose.tick)
+            answer.packet = packet
+            answer.digested_pose = digested_part_of_own(pose, packet, self.run)
+        table.move(command.robot, _move_of(command), command.tick)
+        answer.step, answer.command = command.step, payload
+        answer.digested_command = digested_part_of_own(command, payload, self.run)
+        self.answers[command.robot] = answer
 
     def _next_round(self) -> Outgoing:
         """The messages that open the next round in which a robot takes part, or end the run."""
@@ -128,8 +134,12 @@ class WorldCore:
         answer.packet, answer.digested_pose = packet, digested_part(pose, packet, self.run)
 
     def _take_command(self, command: Command, payload: bytes) -> None:
-        move = Move.COMMAND if command.published else Move.COMMAND_ALONE
-        self.rounds.table.move(command.robot, move, command.tick)
+        self.rounds.table.move(command.robot, _move_of(command), command.tick)
         answer = self.answers.setdefault(command.robot, Answer())
         answer.step, answer.command = command.step, payload
         answer.digested_command = digested_part(command, payload, self.run)
+
+
+def _move_of(command: Command) -> Move:
+    """The move that a command is."""
+    return Move.COMMAND if command.published else Move.COMMAND_ALONE
