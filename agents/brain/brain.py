@@ -180,7 +180,7 @@ def perceive(
         newest,
     )
     return Perception(
-        *(state, observation, missed_ticks, seen, view, peers, track, lost, newest, search)
+        state, observation, missed_ticks, seen, view, peers, track, lost, newest, search
     )
 
 

@@ -104,11 +104,14 @@ def incorporate(
     # An undelayed link brings a detection at the tick after it was made.
     late_tick = tick - 1 if parameters.late_detections == "ignore" else first
     by_tick: dict[int, list[Detection]] = {}
+    of_tick: list[Detection] = []
+    of = None
     for detection in detections:
-        if (of_tick := by_tick.get(detection[0])) is None:
-            by_tick[detection[0]] = [detection]
-        else:
-            of_tick.append(detection)
+        # Those of one tick mostly come one after the other.
+        if detection[0] != of:
+            of = detection[0]
+            of_tick = by_tick.setdefault(of, [])
+        of_tick.append(detection)
     for heard_tick, arrived in by_tick.items():
         index = heard_tick - first
         if index < 0:

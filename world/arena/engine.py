@@ -180,7 +180,9 @@ def advance(
     if lost is not None:
         away = np.where(lost, 1 if state.away is None else state.away + 1, 0)
         steps = np.where(lost[:, None], dynamics.coasting(state.last_steps, away), steps)
-    wanted = dynamics.limited(np.vstack([steps, target_step]), arena.step_m_max)
+    wanted = np.empty((count + 1, 2))
+    wanted[:count], wanted[count] = steps, target_step
+    wanted = dynamics.limited(wanted, arena.step_m_max)
     headings = _turned(arena, state, wanted, lost)
     gaps = state.geometry.gaps
     moved, contacts = collisions.move(state.positions, arena.radii, wanted, gaps)
@@ -261,7 +263,7 @@ def _sensed(
     count = len(arena.ids)
     needed = arena.scenario.capture_count
     geometry = sensing.geometry(positions, arena.radii, count + 1)
-    rays = np.stack([-geometry.x[:count, count], -geometry.y[:count, count]], axis=1)
+    rays = -(positions[count] - positions[:count])
     if away is not None:
         # A body that nobody commands blocks, but it is no hunter.
         rays = rays[away == 0]
@@ -284,7 +286,7 @@ def _sensed(
     )
 
 
-def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Floats]:
+def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Point]:
     count = len(arena.ids)
     positions = state.positions[: count + 1].tolist()
     x, y = positions[count]
@@ -300,7 +302,7 @@ def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Floats]:
     )
     target = arena.scenario.target
     memory, step = act(target.behaviour, state.memory, view, target.parameters)
-    return memory, np.array([step])
+    return memory, step
 
 
 def _sending(
