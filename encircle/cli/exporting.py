@@ -42,6 +42,18 @@ FORMATS: dict[str, Format] = {
     "parquet": Format(
         "tables for pandas and others", "encircle.exports.parquet", "studies", "-parquet"
     ),
+    "foxglove": Format(
+        "MCAP for Foxglove and PlotJuggler",
+        "encircle.exports.foxglove_file",
+        "export",
+        "-foxglove.mcap",
+    ),
+    "rerun": Format(
+        "a file for Rerun, with its views", "encircle.exports.rerun_file", "export", ".rrd"
+    ),
+    "rosbag2": Format(
+        "a ROS 2 bag of standard types", "encircle.exports.rosbag2_directory", "export", "-rosbag2"
+    ),
 }
 
 

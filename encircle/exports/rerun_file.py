@@ -1,0 +1,148 @@
+"""A recording as a file for Rerun, with a blueprint: what is seen where when it is opened.
+
+Entities: ``scene/...`` and ``beliefs/ROBOT/...`` as in ``encircle.exports.drawing``, in three
+dimensions and seen from above, since Rerun's views of two have the y axis downwards;
+``trails/ROBOT``; ``truth/ROBOT`` positions as they are; ``ages`` as a tensor of receivers by
+senders; numbers under ``values``, ``distances_m`` and ``decisions``; ``modes`` as states;
+``packets`` counts by fate; ``events`` as a text log; ``run`` as a document.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from encircle.exports import curves, drawing
+from encircle.exports.events import is_warning
+from encircle.exports.flights import Flights, fate_of
+from encircle.exports.rerun_blueprint import blueprint
+from encircle.exports.rerun_columns import RerunColumns
+from encircle.exports.shapes import Entity, Line
+from encircle.scene.builder import scene_of_recording
+from encircle.scene.frame import Event, Frame
+from encircle.scene.stage import Stage
+from encircle.world.recording.recording import Recording
+
+APPLICATION = "encircle"
+AGE_SHOWN_TICKS_MIN = 5.0
+"""The colours of ages reach at least this far, so that ages of a good channel look good."""
+UNKNOWN_AGE = float("nan")
+
+
+def export(recording: Recording, out: Path, *, beliefs: bool = True) -> None:
+    """Write a recording for Rerun to a new file.
+
+    ``beliefs``: whether to work out what robots believed, which takes the longest. Raises
+    ``RecordingError`` for a message that cannot be read.
+    """
+    scene = scene_of_recording(recording, beliefs)
+    stage, frames = scene.stage, scene.frames
+    stream = rr.RecordingStream(APPLICATION, recording_id=f"{stage.run}-{stage.seed}")
+    # What a run is does not depend on when it was exported.
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.save(out, default_blueprint=blueprint(stage, frames))
+    stream.send_recording_name(f"{stage.title}, seed {stage.seed}")
+    stream.log("run", rr.TextDocument(description(stage), media_type="text/markdown"), static=True)
+    columns = RerunColumns(stream, [frame.tick for frame in frames], stage.tick_s)
+    _send_scene(columns, stage, frames)
+    _send_truth(columns, stage, frames)
+    _send_numbers(columns, stage, frames)
+    _send_decisions(columns, stage, frames)
+    _send_packets(columns, stage, frames)
+    _send_events(columns, frames)
+    stream.flush()
+    stream.disconnect()
+
+
+def description(stage: Stage) -> str:
+    """What the run is, as Markdown."""
+    rows = {
+        "run": stage.run,
+        "seed": stage.seed,
+        "robots": len(stage.robots),
+        "policies": ", ".join(dict.fromkeys(stage.policies)),
+        "target": stage.behaviour,
+        "channel": "; ".join(stage.channel) or "ideal",
+        "tick": f"{stage.tick_s:g} s ({stage.clock})",
+        "captures": f"{stage.capture_count} robots within {stage.stop_distance_m:g} m",
+    }
+    lines = [f"| {name} | {value} |" for name, value in rows.items()]
+    return "\n".join([f"# {stage.title}", "", "| | |", "|---|---|", *lines])
+
+
+def _send_scene(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
+    flights = Flights(stage.causes)
+    columns.send_layer("scene/arena", [drawing.arena(stage)] * len(frames))
+    columns.send_layer("scene/bodies", [drawing.bodies(stage, f) for f in frames])
+    columns.send_layer("scene/plan", [drawing.plan(stage, f) for f in frames])
+    columns.send_layer("scene/packets", [drawing.packets(flights.take(f)) for f in frames])
+    for k, robot in enumerate(stage.robots):
+        columns.send_layer(f"beliefs/{robot}", [drawing.beliefs(stage, f, k) for f in frames])
+    columns.send_layer("trails", [_steps(stage, *pair) for pair in pairwise(frames)])
+
+
+def _steps(stage: Stage, before: Frame, after: Frame) -> tuple[Entity, ...]:
+    """The way of each body from one tick to the next."""
+    colours = [drawing.colour_of_robot(k, 0.6) for k in range(len(stage.robots))]
+    colours.append(drawing.role_colour("target", 0.6))
+    starts, ends = [*before.robots, before.target], [*after.robots, after.target]
+    named = zip([*stage.robots, "target"], starts, ends, colours, strict=True)
+    return tuple(
+        Entity(name, (Line((start, end), colour, drawing.THIN_M),))
+        for name, start, end, colour in named
+    )
+
+
+def _send_truth(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
+    """Positions as points, for whoever queries the file."""
+    for k, robot in enumerate(stage.robots):
+        places = [(*frame.robots[k], 0.0) for frame in frames]
+        columns.send(f"truth/{robot}", rr.Points3D.columns(positions=places))
+    places = [(*frame.target, 0.0) for frame in frames]
+    columns.send("truth/target", rr.Points3D.columns(positions=places))
+
+
+def _send_numbers(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
+    found = [curves.values(frame) for frame in frames]
+    for name in curves.VALUES:
+        columns.send_numbers(f"values/{name}", [values.get(name) for values in found])
+    for k, robot in enumerate(stage.robots):
+        columns.send_numbers(f"distances_m/{robot}", [f.values.distances_m[k] for f in frames])
+    ages = np.array([frame.ages for frame in frames], np.float32)
+    shown = (0.0, max(AGE_SHOWN_TICKS_MIN, float(ages.max())))
+    ages[ages < 0] = UNKNOWN_AGE
+    columns.send_tensors("ages", ages, ("receiver", "sender"), shown)
+
+
+def _send_decisions(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
+    for k, robot in enumerate(stage.robots):
+        columns.send_numbers(f"decisions/{robot}/xi_ticks", [f.xi[k] for f in frames])
+        columns.send_numbers(f"decisions/{robot}/point", [f.points[k] for f in frames])
+        modes = [frame.modes[k] or "" for frame in frames]
+        changed = [row for row, mode in enumerate(modes) if row == 0 or mode != modes[row - 1]]
+        # None ends the state; the type of the argument does not know that.
+        states: list[Any] = [modes[row] or None for row in changed]
+        columns.send(f"modes/{robot}", rr.StateChange.columns(state=states), changed)
+
+
+def _send_packets(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
+    """How many packets of each tick had which fate."""
+    fates = [[fate_of(p, f.tick, stage.causes) for p in f.packets] for f in frames]
+    for fate in sorted({fate for row in fates for fate in row}):
+        columns.send_numbers(f"packets/{fate}", [row.count(fate) for row in fates])
+
+
+def _send_events(columns: RerunColumns, frames: Sequence[Frame]) -> None:
+    by_kind: dict[str, list[tuple[int, Event]]] = {}
+    for row, frame in enumerate(frames):
+        for event in frame.events:
+            by_kind.setdefault(event.kind, []).append((row, event))
+    for kind, found in by_kind.items():
+        rows, events = [row for row, _ in found], [event for _, event in found]
+        levels = [rr.TextLogLevel.WARN if is_warning(e) else rr.TextLogLevel.INFO for e in events]
+        texts = rr.TextLog.columns(text=[event.text for event in events], level=levels)
+        columns.send(f"events/{kind}", texts, rows)
