@@ -44,9 +44,13 @@ OWN = (
 )
 TARGET = (
     Field("target_known", MASK, "1 if there is an estimate of the target"),
-    Field("target_x", "sensing_range_m", "where the target is estimated to be, relative to it"),
+    Field(
+        "target_x",
+        "sensing_range_m",
+        "where the target is estimated to be, relative to the robot, along x",
+    ),
     Field("target_y", "sensing_range_m", "the same along y"),
-    Field("target_vx", FULL_SPEED, "the estimated velocity of the target"),
+    Field("target_vx", FULL_SPEED, "the estimated velocity of the target along x"),
     Field("target_vy", FULL_SPEED, "the same along y"),
     Field("target_age", "track_age_ticks_max", "age of the newest detection in the estimate"),
     Field("target_std", "sensing_range_m", "standard deviation of its position, per axis"),
@@ -55,9 +59,13 @@ TARGET = (
 )
 PEER = (
     Field("known", MASK, "1 if the peer is planned with"),
-    Field("x", "sensing_range_m", "where the peer is believed to be now, relative to the robot"),
+    Field(
+        "x",
+        "sensing_range_m",
+        "where the peer is believed to be now, relative to the robot, along x",
+    ),
     Field("y", "sensing_range_m", "the same along y"),
-    Field("vx", FULL_SPEED, "its velocity as last known"),
+    Field("vx", FULL_SPEED, "its velocity as last known, along x"),
     Field("vy", FULL_SPEED, "the same along y"),
     Field("age", "peer_age_ticks_max", "age of what was last known of it"),
     Field("seen", MASK, "1 if it is in sight"),
@@ -66,6 +74,8 @@ SAID = (
     Field("said", MASK, "1 if a payload of it was heard"),
     Field("said_age", "peer_age_ticks_max", "age of that payload"),
 )
+TOLD = Field("told{}", "1", "a number that it told, from 0 on")
+RAY = Field("ray{}", "sensing_range_m", "distance to the nearest surface along it, from 0 on")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +111,10 @@ class Layout:
         yield from TARGET
         of_peer = list(PEER)
         if self.payload:
-            numbers = (Field(f"told{k}", "1", "number it told") for k in range(self.payload))
-            of_peer += [*SAID, *numbers]
+            of_peer += [*SAID, *(_numbered(TOLD, k) for k in range(self.payload))]
         for peer in range(1, self.robots):
             yield from (field._replace(name=f"peer{peer}_{field.name}") for field in of_peer)
-        for ray in range(self.rays):
-            yield Field(f"ray{ray}", "sensing_range_m", "distance to the nearest surface")
+        yield from (_numbered(RAY, k) for k in range(self.rays))
 
 
 def observation(view: View, *, payload: int = 0, scan: bool = False) -> Floats:
@@ -166,6 +174,10 @@ def _told(packet: Pose | None, view: View, payload: int) -> list[float]:
     if packet is None or told is None:
         return [0.0] * (len(SAID) + payload)
     return [1.0, (view.tick - packet.tick) / view.parameters.peer_age_ticks_max, *told]
+
+
+def _numbered(field: Field, number: int) -> Field:
+    return field._replace(name=field.name.format(number))
 
 
 @lru_cache(maxsize=1024)
