@@ -19,7 +19,7 @@ selected (index of a robot, or null), showsBelief. */
     return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= least);
   }
 
-  /* Grid lines, and a scale bar with its length. */
+  /* Lines at round distances. */
   page.drawGrid = function (view) {
     const { ctx, camera, look, width, height } = view;
     const step = niceStep(56 / camera.pxPerM);
@@ -37,6 +37,12 @@ selected (index of a robot, or null), showsBelief. */
     ctx.strokeStyle = look.colour("grid");
     ctx.lineWidth = 1;
     ctx.stroke();
+  };
+
+  /* A bar with its length in m. */
+  page.drawScaleBar = function (view) {
+    const { ctx, camera, look, height } = view;
+    const step = niceStep(56 / camera.pxPerM);
     const length = step * camera.pxPerM;
     ctx.strokeStyle = look.colour("muted");
     ctx.lineWidth = 2;
@@ -139,7 +145,8 @@ selected (index of a robot, or null), showsBelief. */
     ctx.stroke();
   }
 
-  /* The stop distance about the target, and the ring of encirclement points. */
+  /* The stop distance about the target, the ring of encirclement points, and how far the picked
+     robot senses. */
   page.drawRings = function (view) {
     const { ctx, look, moment, model } = view;
     ctx.globalAlpha = view.showsBelief ? DIMMED : 1;
@@ -156,6 +163,13 @@ selected (index of a robot, or null), showsBelief. */
       ctx.setLineDash([]);
     }
     ctx.globalAlpha = 1;
+    if (view.selected !== null) {
+      ctx.strokeStyle = page.robotStyle(view.selected).colour;
+      ctx.lineWidth = 1;
+      ctx.globalAlpha = 0.6;
+      circle(view, moment.robots[view.selected], model.stage.sensing_ranges_m[view.selected]);
+      ctx.globalAlpha = 1;
+    }
   };
 
   /* Each robot's goal, and the line to it. */
@@ -186,6 +200,8 @@ selected (index of a robot, or null), showsBelief. */
   function bodyPx(view, radius) {
     return Math.max(radius * view.camera.pxPerM, BODY_PX_MIN * view.look.scale);
   }
+
+  page.bodyPx = bodyPx;
 
   function drawRobot(view, k) {
     const { ctx, camera, look, moment, model } = view;
@@ -220,15 +236,12 @@ selected (index of a robot, or null), showsBelief. */
   }
 
   function drawName(view, k) {
-    const { ctx, camera, look, moment, model } = view;
+    const { camera, moment, model } = view;
     const radius = bodyPx(view, model.stage.radius_m);
     const { lost, sil } = moment.frame;
     const state = lost[k] ? " lost" : sil[k] ? " silent" : "";
     const [x, y] = [camera.x(moment.robots[k][0]), camera.y(moment.robots[k][1])];
-    const text = `${model.stage.robots[k]}${state}`;
-    page.drawLabel(
-      ctx, text, x + radius + 4, y - radius + 1, look.colour("ink"), look.colour("background"),
-    );
+    view.labels.draw(view, `body ${k}`, `${model.stage.robots[k]}${state}`, x, y, radius);
   }
 
   function drawTarget(view) {
@@ -250,6 +263,16 @@ selected (index of a robot, or null), showsBelief. */
     ctx.fill();
   }
 
+  /* Labels leave bodies free, of a belief the ghosts. */
+  function keepLabelsOff(view) {
+    const { camera, labels, moment, model, belief } = view;
+    const places = belief
+      ? [moment.robots[view.selected], ...belief.n.map(([, x, y]) => [x, y])]
+      : [...moment.robots, moment.target];
+    const radius = 0.8 * bodyPx(view, model.stage.radius_m);
+    for (const [x, y] of places) labels.keepOff(camera.x(x), camera.y(y), radius);
+  }
+
   /* Robots with heading and name, and the target: a disc with a star. Discs are to scale, unless
      they would be too small to see. */
   page.drawBodies = function (view) {
@@ -257,14 +280,15 @@ selected (index of a robot, or null), showsBelief. */
     const dimmed = (k) => view.showsBelief && k !== view.selected;
     ctx.globalAlpha = view.showsBelief ? DIMMED : 1;
     drawTarget(view);
+    keepLabelsOff(view);
     moment.robots.forEach((_, k) => {
       ctx.globalAlpha = dimmed(k) ? DIMMED : 1;
       drawRobot(view, k);
     });
     ctx.font = look.font(moment.robots.length > 16 ? 11 : 13, 600);
-    ctx.textAlign = "left";
-    ctx.textBaseline = "bottom";
+    const ghosts = new Set(view.belief ? view.belief.n.map(([k]) => k) : []);
     moment.robots.forEach((_, k) => {
+      if (ghosts.has(k)) return;
       const { lost, sil } = moment.frame;
       const named = moment.robots.length <= NAMED_ROBOTS_MAX || lost[k] || sil[k];
       ctx.globalAlpha = dimmed(k) ? DIMMED : 1;

@@ -6,6 +6,7 @@
   const FADING_TICKS = 30;
   const AXES_95 = Math.sqrt(5.991); // chi-squared with 2 degrees of freedom: 95 % of estimates
   const ERROR_PX_MIN = 6;
+  const SPACIOUS_ROBOTS_MAX = 8;
 
   const shown = (age) => FADED + (1 - FADED) * Math.exp(-age / FADING_TICKS);
 
@@ -38,11 +39,9 @@
     ctx.setLineDash([]);
     page.drawShape(ctx, shape, px, py, 0.45 * radius, colour);
     ctx.globalAlpha = Math.max(0.75, shown(age));
-    const unused = planned ? "" : ", not planned with";
-    const text = `${model.stage.robots[k]} · ${age} ${age === 1 ? "tick" : "ticks"}${unused}`;
-    page.drawLabel(
-      ctx, text, px + radius + 4, py + radius + 10, look.colour("ink"), look.colour("background"),
-    );
+    const words = moment.robots.length > SPACIOUS_ROBOTS_MAX ? "" : age === 1 ? " tick" : " ticks";
+    const unused = planned ? "" : ", too old";
+    view.labels.draw(view, `ghost ${k}`, `${model.stage.robots[k]} · ${age}${words}${unused}`, px, py, radius);
   }
 
   function drawEstimate(view, belief) {
@@ -71,16 +70,19 @@
     ctx.stroke();
     ctx.setLineDash([]);
     page.drawShape(ctx, "star", x, y, 0.5 * radius, look.colour("target"), 2);
-    page.drawLabel(
-      ctx, "target, estimated", x + radius + 4, y + radius + 10,
-      look.colour("ink"), look.colour("background"),
-    );
+    view.labels.draw(view, "estimate", "target, estimated", x, y, radius);
   }
 
   function drawPrediction(view, belief) {
     const { ctx, camera, look } = view;
     ctx.fillStyle = look.colour("target");
     ctx.globalAlpha = 0.85;
+    ctx.strokeStyle = look.colour("target");
+    ctx.lineWidth = 0.8;
+    ctx.beginPath();
+    const way = belief.e ? [belief.e, ...belief.f] : belief.f;
+    way.forEach(([x, y], k) => ctx[k ? "lineTo" : "moveTo"](camera.x(x), camera.y(y)));
+    ctx.stroke();
     for (const [x, y] of belief.f) {
       ctx.beginPath();
       ctx.arc(camera.x(x), camera.y(y), 2.2, 0, 2 * Math.PI);
@@ -92,8 +94,6 @@
   page.drawBelief = function (view, belief) {
     const { ctx, look } = view;
     ctx.font = look.font(12, 600);
-    ctx.textAlign = "left";
-    ctx.textBaseline = "bottom";
     drawPrediction(view, belief);
     if (belief.e) drawEstimate(view, belief);
     for (const peer of belief.n) drawGhost(view, peer);

@@ -3,8 +3,9 @@
 
 (function (page) {
   const MARGIN_M = 1.6;
-  const CLOSE_MARGIN_M = 1.2;
-  const SPAN_M_MIN = 6;
+  const CLOSE_MARGIN_M = 2;
+  const SPAN_M_MIN = 10;
+  const BODY_PX_MIN = 8; // A view of all in which bodies are smaller is not the one to begin with.
   const CATCH_UP_HZ = 3;
   const ZOOM_PX_PER_M_MAX = 400;
 
@@ -19,6 +20,15 @@
 
     setMode(mode) {
       this.mode = mode;
+    }
+
+    /* The view to begin with: the whole arena, unless bodies would be tiny in it, or it is not known
+       yet how large it will be. */
+    begin(model, width, height, live) {
+      this.size = [width, height];
+      const { pxPerM } = this.fit(wholeBox(model));
+      const tiny = pxPerM * model.stage.radius_m < BODY_PX_MIN;
+      this.mode = tiny || live ? "close" : "whole";
     }
 
     /* Moves on by a stretch of time in s; returns whether the view still changes. */

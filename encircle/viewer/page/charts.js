@@ -10,35 +10,35 @@
   const SPAN_S_MIN = 2;
   const DEGREES = 180 / Math.PI;
   const known = (value, factor = 1) => (value === null || value === undefined ? NaN : value * factor);
-  const shown = (value, digits, unit) => (Number.isFinite(value) ? `${value.toFixed(digits)} ${unit}` : "undefined");
+  const shown = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
 
-  /* One entry per chart: name, unit, columns of a frame, a level that matters, what to read off. */
+  /* One entry per chart: columns of a frame's values, a level that matters, what to read off. */
   function chartsOf(stage) {
     return [
       {
-        id: "distance", title: "Distance to target", unit: "m", from: 0,
-        level: stage.stop_distance_m, levelText: "stop distance",
-        of: (val) => val.d, read: (d) => `nearest ${shown(Math.min(...d), 2, "m")}, farthest ${shown(Math.max(...d), 2, "m")}`,
+        id: "distance", title: "Distance to target (m)", from: 0,
+        level: stage.stop_distance_m, levelText: `stop ${stage.stop_distance_m} m`,
+        of: (val) => val.d, read: (d) => `${shown(Math.min(...d), 1)} to ${shown(Math.max(...d), 1)}`,
       },
       {
-        id: "gap", title: "Largest gap around target", unit: "°", from: 0, level: 180, levelText: "open from 180° on",
-        of: (val) => [known(val.gap, DEGREES)], read: ([v]) => shown(v, 0, "°"),
+        id: "gap", title: "Largest gap (°)", from: 0, level: 180, levelText: "open from 180° on",
+        of: (val) => [known(val.gap, DEGREES)], read: ([v]) => shown(v, 0),
       },
       {
-        id: "slack", title: "Slack of the ring", unit: "°", level: 0, levelText: "closed above 0°",
-        of: (val) => [known(val.slack, DEGREES)], read: ([v]) => shown(v, 0, "°"),
+        id: "slack", title: "Slack of the ring (°)", level: 0, levelText: "closed above 0°",
+        of: (val) => [known(val.slack, DEGREES)], read: ([v]) => shown(v, 0),
       },
       {
-        id: "age", title: "Mean age of information", unit: "ticks", from: 0,
-        of: (val) => [known(val.age)], read: ([v]) => shown(v, 1, "ticks"),
+        id: "age", title: "Mean age of information (ticks)", from: 0,
+        of: (val) => [known(val.age)], read: ([v]) => shown(v, 1),
       },
       {
-        id: "conflicts", title: "Conflicts: pairs with one goal", unit: "pairs", from: 0, least: 1.2,
-        of: (val) => [known(val.conf)], read: ([v]) => shown(v, 0, v === 1 ? "pair" : "pairs"),
+        id: "conflicts", title: "Conflicts (pairs with one goal)", from: 0, least: 1.2,
+        of: (val) => [known(val.conf)], read: ([v]) => shown(v, 0),
       },
       {
-        id: "delivery", title: "Delivered in the last 20 ticks", unit: "%", from: 0, to: 104,
-        of: (val) => [known(val.del, 100)], read: ([v]) => shown(v, 0, "%"),
+        id: "delivery", title: "Delivered, last 20 ticks (%)", from: 0, to: 104,
+        of: (val) => [known(val.del, 100)], read: ([v]) => shown(v, 0),
       },
     ];
   }
@@ -67,9 +67,11 @@
 
     panel(chart, lowest) {
       const value = page.element("span", { class: "value" });
-      const caption = page.element("figcaption", {}, page.element("b", {}, `${chart.title} (${chart.unit})`), " ", value);
+      const level = page.element("span", { class: "level" }, chart.levelText ? `┄ ${chart.levelText}` : "");
+      const caption = page.element("figcaption", {}, page.element("b", {}, chart.title), value, level);
       const cursor = page.element("div", { class: "cursor" });
-      const plot = page.element("div", { class: "plot" }, cursor);
+      const drawn = page.element("div", { class: "drawn" });
+      const plot = page.element("div", { class: "plot" }, drawn, cursor);
       const frame = page.element("figure", { class: lowest ? "chart lowest" : "chart", id: `chart-${chart.id}` }, caption, plot);
       this.element.append(frame);
       const panel = { chart, value, cursor, plot, filled: 0, view: null };
@@ -80,7 +82,7 @@
       panel.range = new Bokeh.Range1d({ start: 0, end: this.end });
       this.fill(panel);
       const figure = this.figure(panel, names, lowest);
-      Bokeh.Plotting.show(figure, plot).then((view) => {
+      Bokeh.Plotting.show(figure, drawn).then((view) => {
         panel.view = view;
         this.moveCursor(this.at || 0);
       });
@@ -120,17 +122,16 @@
     figure(panel, names, lowest) {
       const { look } = this;
       const { chart } = panel;
+      const range = { range_padding: 0.12 };
+      if (chart.from !== undefined) range.start = chart.from;
+      if (chart.to !== undefined) range.end = chart.to;
+      if (chart.least) range.min_interval = chart.least;
       const figure = Bokeh.Plotting.figure({
-        tools: "", toolbar_location: null, sizing_mode: "stretch_both", x_range: panel.range,
-        min_border_left: LEFT_PX * look.scale, min_border_right: RIGHT_PX, min_border_top: 3, min_border_bottom: lowest ? 36 : 4,
+        tools: "", toolbar_location: null, sizing_mode: "stretch_both", x_range: panel.range, y_range: new Bokeh.DataRange1d(range),
+        min_border_left: LEFT_PX * look.scale, min_border_right: RIGHT_PX, min_border_top: 3, min_border_bottom: lowest ? 38 * look.scale : 8,
         background_fill_color: look.colour("background"), border_fill_color: look.colour("panel"),
         outline_line_color: look.colour("line"),
       });
-      const { y_range: range } = figure;
-      if (chart.from !== undefined) range.start = chart.from;
-      if (chart.to !== undefined) range.end = chart.to;
-      range.range_padding = 0.12;
-      if (chart.least) range.min_interval = chart.least;
       this.styleAxes(figure, lowest);
       if (chart.level !== undefined) {
         figure.add_layout(new Bokeh.Span({

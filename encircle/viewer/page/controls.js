@@ -69,7 +69,7 @@
     if (robot.dataset.key !== key) {
       robot.dataset.key = key;
       const options = names.map((name, k) => page.element("option", { value: k }, name));
-      robot.replaceChildren(page.element("option", { value: "" }, "nobody: the truth"), ...options);
+      robot.replaceChildren(page.element("option", { value: "" }, "nobody (truth)"), ...options);
     }
     robot.value = selected === null ? "" : String(selected);
   }
@@ -93,7 +93,7 @@
     for (const layer of ["trails", "rings", "goals", "packets", "own"]) {
       pressed(`layer-${layer}`, layers[layer]);
     }
-    page.setText(page.byId("view"), { whole: "Whole arena", close: "Close by", free: "Own view" }[camera.mode]);
+    page.setText(page.byId("view"), { whole: "view: whole arena", close: "view: close by", free: "view: by hand" }[camera.mode]);
     pressed("theme", look.theme === "dark");
     pressed("type", look.large);
     showRobots(model, selected);

@@ -3,6 +3,7 @@
 
 (function (page) {
   const LISTED_MAX = 500;
+  const CONTACTS_SHOWN_MAX = 12; // Of more, the list shows none until it is asked to.
   const LOOKS = {
     capture: ["diamond", "target"],
     end: ["square", "muted"],
@@ -13,13 +14,21 @@
     partition: ["bar", "cut"],
     moved: ["triangle", "late"],
     contact: ["disc", "signal"],
+    heal: ["plus", "arrived"],
     intervention: ["wedge", "late"],
+    unsure: ["cross", "muted"],
+    "cut-off": ["square", "chance"],
   };
   const UNMARKED = new Set(["contact"]);
 
   class Events {
-    constructor(list, marks, look, onSeek) {
-      Object.assign(this, { list, marks, look, onSeek, key: "" });
+    constructor(list, marks, contacts, look, onSeek) {
+      Object.assign(this, { list, marks, contacts, look, onSeek, key: "", showsContacts: null });
+      contacts.addEventListener("click", () => {
+        this.showsContacts = contacts.getAttribute("aria-pressed") !== "true";
+        this.key = "";
+        this.update(this.model, this.tick);
+      });
     }
 
     icon(kind, px) {
@@ -29,6 +38,7 @@
 
     /* Makes list and marks anew if there are other events than before. */
     update(model, tick) {
+      Object.assign(this, { model, tick });
       const { events, lastTick } = model;
       const key = [model.version, events.length, lastTick, this.look.theme, this.look.scale].join();
       if (key !== this.key) {
@@ -36,14 +46,37 @@
         this.list.replaceChildren(...this.entries(model));
         this.marks.replaceChildren(...this.markElements(model));
       }
+      let newest = null;
       for (const entry of this.list.children) {
-        entry.classList.toggle("past", Number(entry.dataset.tick) <= tick);
+        const past = Number(entry.dataset.tick) <= tick;
+        entry.classList.toggle("past", past);
+        if (past) newest = entry;
       }
+      if (!this.list.matches(":hover, :focus-within")) this.scrollTo(newest);
+    }
+
+    /* Scrolls the list alone, so that an entry is in it; to the top without one. */
+    scrollTo(entry) {
+      const { list } = this;
+      const top = entry ? entry.offsetTop - list.offsetTop : 0;
+      if (top < list.scrollTop) list.scrollTop = top;
+      const below = entry ? top + entry.offsetHeight - list.clientHeight : 0;
+      if (below > list.scrollTop) list.scrollTop = below;
+    }
+
+    /* The events that the list shows: contacts if there are few, or as the switch says. */
+    listed(events) {
+      const contacts = events.filter(({ kind }) => kind === "contact").length;
+      const shows = this.showsContacts === null ? contacts <= CONTACTS_SHOWN_MAX : this.showsContacts;
+      this.contacts.hidden = !contacts;
+      page.setText(this.contacts, `contacts ${contacts}`);
+      this.contacts.setAttribute("aria-pressed", String(shows));
+      return shows ? events : events.filter(({ kind }) => kind !== "contact");
     }
 
     entries(model) {
-      if (!model.events.length) return [page.element("li", { class: "none" }, "nothing so far")];
-      const shown = model.events.slice(-LISTED_MAX);
+      const shown = this.listed(model.events).slice(-LISTED_MAX);
+      if (!shown.length) return [page.element("li", { class: "none" }, "nothing so far")];
       return shown.map(({ tick, kind, text }) => {
         const s = (tick * model.stage.tick_s).toFixed(1);
         const button = page.element(

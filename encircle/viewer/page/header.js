@@ -13,7 +13,8 @@
     if (captured !== null) return { kind: "open", text: `not yet captured; capture at ${at(captured)}` };
     if (status.state === "running") return { kind: "open", text: "hunting" };
     if (!status.complete) return { kind: "cut", text: `cut off at ${at(lastTick)}` };
-    return { kind: "missed", text: `not captured in ${at(lastTick)}` };
+    const s = (lastTick * stage.tick_s).toFixed(1);
+    return { kind: "missed", text: `no capture in ${lastTick} ticks (${s} s)` };
   };
 
   /* What the reader should know of the data itself: {kind, text}, or null if all is well. */

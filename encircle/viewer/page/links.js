@@ -3,7 +3,10 @@
 
 (function (page) {
   const SIZE_PX = 4.2;
-  const TAIL_ALPHA = 0.3;
+  const TAIL_ALPHA = 0.4;
+  const TAILS = 60; // Of more, each is fainter.
+  const CROWDED = 250;
+  const CROWDED_PX = 3;
   const LOSS_HASTE = 1.8; // A lost packet is at its end before its tick is over, to be seen there.
 
   let sprites = { key: "", images: new Map() };
@@ -26,11 +29,16 @@
     return sprites.images.get(fate);
   }
 
-  /* Where a packet is: from the sender at the tick of sending to the receiver as it moves. */
-  function flight(view, sentTick, packet, due, style) {
-    const { model, moment } = view;
-    const from = model.frames[sentTick].r[packet[0]];
-    const to = moment.robots[packet[1]];
+  /* Where a packet is: from the sender at the tick of sending to the receiver as it moves, from body
+     to body, so that an arrived one is seen beside its receiver. Places on the canvas. */
+  function flight(view, sentTick, packet, due, style, inset) {
+    const { camera, model, moment } = view;
+    const start = model.frames[sentTick].r[packet[0]];
+    const end = moment.robots[packet[1]];
+    const [x0, y0, x1, y1] = [camera.x(start[0]), camera.y(start[1]), camera.x(end[0]), camera.y(end[1])];
+    const cut = Math.min(0.4, inset / Math.max(1, Math.hypot(x1 - x0, y1 - y0)));
+    const from = page.between([x0, y0], [x1, y1], cut);
+    const to = page.between([x0, y0], [x1, y1], 1 - cut);
     const passed = moment.time - sentTick;
     const share = due > 0 ? passed / (due - sentTick) : Math.min(1, LOSS_HASTE * passed);
     return [from, page.between(from, to, Math.min(1, share) * style.reach)];
@@ -38,7 +46,8 @@
 
   /* Draws all packets that are on their way; returns how many. */
   page.drawLinks = function (view) {
-    const { ctx, camera, look, model, moment, layers, selected } = view;
+    const { ctx, look, model, moment, layers, selected } = view;
+    const inset = page.bodyPx(view, model.stage.radius_m) + SIZE_PX * look.scale;
     const fates = model.fates;
     const styles = fates.map(page.fateStyle);
     const flights = fates.map(() => []);
@@ -46,26 +55,24 @@
     model.eachInFlight(moment.time, (sentTick, packet, due, fate) => {
       if (!layers.fates[fates[fate]]) return;
       if (layers.own && selected !== null && packet[0] !== selected && packet[1] !== selected) return;
-      flights[fate].push(flight(view, sentTick, packet, due, styles[fate]));
+      flights[fate].push(flight(view, sentTick, packet, due, styles[fate], inset));
       count += 1;
     });
     ctx.lineWidth = 1.2;
     flights.forEach((some, fate) => {
       if (!some.length) return;
-      ctx.globalAlpha = TAIL_ALPHA;
+      ctx.globalAlpha = Math.min(TAIL_ALPHA, (TAIL_ALPHA * TAILS) / count);
       ctx.strokeStyle = look.colour(styles[fate].role);
       ctx.beginPath();
       for (const [from, at] of some) {
-        ctx.moveTo(camera.x(from[0]), camera.y(from[1]));
-        ctx.lineTo(camera.x(at[0]), camera.y(at[1]));
+        ctx.moveTo(from[0], from[1]);
+        ctx.lineTo(at[0], at[1]);
       }
       ctx.stroke();
       ctx.globalAlpha = 1;
-      const { image, half } = sprite(look, fates[fate], SIZE_PX * look.scale);
-      for (const [, at] of some) {
-        const [x, y] = [camera.x(at[0]) - half, camera.y(at[1]) - half];
-        ctx.drawImage(image, x, y, 2 * half, 2 * half);
-      }
+      const size = (count > CROWDED ? CROWDED_PX : SIZE_PX) * look.scale;
+      const { image, half } = sprite(look, fates[fate], size);
+      for (const [, at] of some) ctx.drawImage(image, at[0] - half, at[1] - half, 2 * half, 2 * half);
     });
     return count;
   };

@@ -148,5 +148,49 @@
     ctx.fillText(text, x, y);
   };
 
+  const PLACES = [[1, -1], [-1, -1], [1, 1], [-1, 1], [0, -1], [0, 1]];
+  const overlap = (a, b) => a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
+
+  /* Puts labels beside bodies where they cover no other label. One that was somewhere in the frame
+     before stays there if it can. */
+  class Labels {
+    constructor() {
+      this.last = new Map();
+      this.boxes = [];
+    }
+
+    begin() {
+      this.boxes = [];
+    }
+
+    /* Keeps labels off a disc. */
+    keepOff(x, y, radius) {
+      this.boxes.push([x - radius, y - radius, x + radius, y + radius]);
+    }
+
+    /* Draws a text beside a body of a radius at (x, y); key names the label from frame to frame. */
+    draw(view, key, text, x, y, radius) {
+      const { ctx, look } = view;
+      const width = ctx.measureText(text).width;
+      const height = 14 * look.scale;
+      const boxOf = ([sx, sy]) => {
+        const left = x - width / 2 + sx * (radius + 4 + width / 2);
+        const middle = y + sy * (radius + (sx ? 2 : 9));
+        return [left, middle - height / 2, left + width, middle + height / 2];
+      };
+      const before = this.last.get(key) || 0;
+      const order = [before, ...PLACES.keys()];
+      const free = (k) => !this.boxes.some((box) => overlap(box, boxOf(PLACES[k])));
+      const place = order.find(free) ?? before;
+      this.last.set(key, place);
+      const box = boxOf(PLACES[place]);
+      this.boxes.push(box);
+      ctx.textAlign = "left";
+      ctx.textBaseline = "middle";
+      page.drawLabel(ctx, text, box[0], (box[1] + box[3]) / 2, look.colour("ink"), look.colour("background"));
+    }
+  }
+
+  page.Labels = Labels;
   page.Look = Look;
 })((window.encirclePage = window.encirclePage || {}));

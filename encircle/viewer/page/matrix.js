@@ -16,8 +16,8 @@
   };
 
   class Matrix {
-    constructor(canvas, key, look, onSelect) {
-      Object.assign(this, { canvas, key, look, cell: 1, gutter: 1, n: 0 });
+    constructor(canvas, key, unit, look, onSelect) {
+      Object.assign(this, { canvas, key, unit, look, cell: 1, gutter: 1, n: 0 });
       canvas.addEventListener("click", (event) => {
         const at = this.at(event);
         if (at) onSelect(at[0]);
@@ -84,6 +84,11 @@
       const shade = classOf(age);
       ctx.fillStyle = SHADES[look.theme][shade];
       ctx.fillRect(x, y, inner, inner);
+      if (shade === 0 && cell > 8) {
+        ctx.strokeStyle = look.colour("line");
+        ctx.lineWidth = 0.6;
+        ctx.strokeRect(x + 0.5, y + 0.5, inner - 1, inner - 1);
+      }
       if (cell < NUMBER_PX_MIN) return;
       const [faint, strong, from] = INK_ON[look.theme];
       ctx.fillStyle = shade >= from ? strong : faint;
@@ -95,18 +100,20 @@
 
     drawNames(ctx, selected) {
       const { look, gutter, cell, n } = this;
-      const every = Math.max(1, Math.ceil((11 * look.scale) / cell));
       const px = Math.min(12, Math.max(9, 0.6 * cell));
+      ctx.font = look.font(px, 700);
+      const width = ctx.measureText(this.stage.robots[n - 1]).width + 2;
+      const every = Math.max(1, Math.ceil((11 * look.scale) / cell));
+      const everyColumn = Math.max(every, Math.ceil(width / cell));
       ctx.textBaseline = "middle";
       for (let k = 0; k < n; k += 1) {
-        if (k % every && k !== selected) continue;
         ctx.font = look.font(px, k === selected ? 700 : 400);
         ctx.fillStyle = look.colour(k === selected ? "ink" : "muted");
         const middle = gutter + (k + 0.5) * cell;
         ctx.textAlign = "right";
-        ctx.fillText(this.stage.robots[k], gutter - 4, middle);
+        if (k % every === 0 || k === selected) ctx.fillText(this.stage.robots[k], gutter - 4, middle);
         ctx.textAlign = "center";
-        ctx.fillText(this.stage.robots[k], middle, gutter - 0.55 * px - 2);
+        if (k % everyColumn === 0) ctx.fillText(this.stage.robots[k], middle, gutter - 0.55 * px - 2);
       }
     }
 
@@ -124,8 +131,8 @@
         return box;
       });
       const never = page.element("span", { class: "shade never" }, "none");
-      const unit = page.element("span", { class: "unit" }, `ticks of ${stage.tick_s} s`);
-      this.key.replaceChildren(...boxes, never, unit);
+      this.key.replaceChildren(...boxes, never);
+      this.unit.textContent = `ticks of ${stage.tick_s} s; rows receive`;
     }
   }
 

@@ -17,6 +17,8 @@
       this.events = [];
       this.sums = [];
       this.bounds = null;
+      this.captureTick = null; // the tick of the capture; null if the page has none
+      this.hasBeliefs = false;
       this.longestFlight = 1;
       this.version = (this.version || 0) + 1;
     }
@@ -43,7 +45,9 @@
       for (const [kind, text, robots] of frame.ev) {
         this.events.push({ tick: frame.t, kind, text, robots });
       }
-      this.events.sort((a, b) => a.tick - b.tick);
+      if (known) this.events.sort((a, b) => a.tick - b.tick);
+      if (frame.cap && (this.captureTick === null || frame.t < this.captureTick)) this.captureTick = frame.t;
+      this.hasBeliefs = this.hasBeliefs || frame.bel.some((belief) => belief);
       this.sums.length = Math.min(this.sums.length, frame.t + 1);
       for (const [, , due, copyDue] of frame.pk) {
         this.longestFlight = Math.max(this.longestFlight, due - frame.t, copyDue - frame.t);
@@ -123,16 +127,6 @@
           }
         }
       }
-    }
-
-    /* The tick of the capture; null if the page has none. */
-    get captureTick() {
-      const frame = this.frames.find((f) => f && f.cap);
-      return frame ? frame.t : null;
-    }
-
-    get hasBeliefs() {
-      return this.frames.some((frame) => frame.bel.some((belief) => belief));
     }
   }
 

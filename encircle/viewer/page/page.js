@@ -24,14 +24,16 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
   const look = new page.Look();
   const stats = new page.Stats();
   const header = new page.Header();
-  const layers = { trails: true, rings: true, goals: true, packets: true, own: false, fates: {} };
+  const layers = { trails: true, rings: true, goals: true, packets: true, own: true, fates: {} };
   const view = {
-    model, look, layers, camera: new page.Camera(), moment: null, selected: null, showsBelief: false,
+    model, look, layers, camera: new page.Camera(), moment: null, selected: null, belief: null,
+    showsBelief: false, labels: new page.Labels(),
   };
   const canvas = page.byId("arena");
   const source = page.sourceOf(() => model.position());
   let connection = "connecting";
   let packetsDrawn = 0;
+  let begunVersion = -1;
   let [scheduled, before, shownKey] = [false, null, ""];
 
   const acts = {
@@ -83,8 +85,8 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
   };
 
   const charts = new page.Charts(page.byId("charts"), look, acts.seek);
-  const matrix = new page.Matrix(page.byId("matrix"), page.byId("matrix-key"), look, acts.select);
-  const events = new page.Events(page.byId("events"), page.byId("marks"), look, acts.seek);
+  const matrix = new page.Matrix(page.byId("matrix"), page.byId("matrix-key"), page.byId("matrix-unit"), look, acts.select);
+  const events = new page.Events(page.byId("events"), page.byId("marks"), page.byId("contacts"), look, acts.seek);
   const legend = new page.Legend(page.byId("fates"), look, layers, acts.switchFate);
 
   /* Draws at the next chance. */
@@ -122,13 +124,15 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     if (!view.moment) return false;
     const moving = view.camera.update(model, view.moment, view.width, view.height, s);
     const belief = page.beliefOf(view.moment.frame, view.selected);
-    view.showsBelief = Boolean(belief);
+    Object.assign(view, { belief, showsBelief: Boolean(belief) });
+    view.labels.begin();
     page.drawGrid(view);
     page.drawObstacles(view);
     if (layers.trails) page.drawTrails(view);
     if (layers.rings) page.drawRings(view);
     if (layers.goals) page.drawGoals(view);
     if (layers.packets) packetsDrawn = page.drawLinks(view);
+    page.drawScaleBar(view);
     page.drawBodies(view);
     if (belief) page.drawBelief(view, belief);
     return moving;
@@ -157,7 +161,14 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     element.hidden = view.selected === null;
     if (view.selected === null) return;
     const name = model.stage.robots[view.selected];
-    page.setText(element, errors ? beliefWords(name, errors) : `${name}: what it believes at this tick is not known.`);
+    page.setText(element, errors ? beliefWords(name, errors) : noBeliefWords(name));
+  }
+
+  function noBeliefWords(name) {
+    const ended = model.status.state === "ended" && player.tick === model.lastTick;
+    if (ended) return `${name} decides no more: the run is over.`;
+    const lost = view.moment.frame.lost[view.selected];
+    return lost ? `${name} is lost: it believes nothing.` : `What ${name} believes at this tick is not known.`;
   }
 
   function beliefWords(name, { peers, target }) {
@@ -170,11 +181,16 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
   }
 
   function take(message) {
-    const fresh = model.version;
+    const { version, status } = model;
+    const wasRunning = status.state === "running";
     model.take(message);
-    if (model.version !== fresh) begin();
+    if (model.version !== version) begin();
+    const untouched = player.time === 0 && !player.playing;
+    if (!wasRunning && status.state === "running" && untouched) player.follow();
     for (const fate of model.fates) if (!(fate in layers.fates)) layers.fates[fate] = true;
-    if (message.stage) {
+    if (model.hasFrames && begunVersion !== model.version) {
+      begunVersion = model.version;
+      view.camera.begin(model, canvas.clientWidth, canvas.clientHeight, source.live);
       matrix.drawKey(model.stage);
       applyAddress();
     }
@@ -187,9 +203,9 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
 
   /* Another run: from its start, or along with it if it is live. */
   function begin() {
-    Object.assign(player, { time: 0, playing: false, following: source.live });
+    Object.assign(player, { time: 0, playing: false, following: model.status.state === "running" });
     view.selected = null;
-    view.camera = Object.assign(new page.Camera(), { mode: view.camera.mode === "close" ? "close" : "whole" });
+    view.camera = new page.Camera();
   }
 
   /* What the address asks for behind its "#". */

@@ -80,6 +80,7 @@
         const behind = last - this.time;
         const near = behind < 0.02 || behind > FOLLOW_TICKS_MAX;
         this.time = near ? last : this.time + behind * (1 - Math.exp(-FOLLOW_RATE_HZ * s));
+        if (near && this.model.status.state === "ended") this.pause();
       } else if (this.playing && this.model.stage) {
         this.time += (s * this.speed) / this.model.stage.tick_s;
         if (this.time >= last) {
