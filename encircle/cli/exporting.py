@@ -39,6 +39,7 @@ class Format(NamedTuple):
 
 
 FORMATS: dict[str, Format] = {
+    "html": Format("the page, in one file", "encircle.viewer.html_export", "viewer", ".html"),
     "parquet": Format(
         "tables for pandas and others", "encircle.exports.parquet", "studies", "-parquet"
     ),

@@ -24,22 +24,13 @@ POLICY = re.compile(r'(<meta http-equiv="Content-Security-Policy" content=")[^"]
 CLOSING_TAG = re.compile(r"</(script)", re.IGNORECASE)
 
 
-def export(recording: Recording, out: Path) -> None:
-    """Write a recording as one HTML file; whole, or not at all.
+def export(recording: Recording, out: Path, *, beliefs: bool = True) -> None:
+    """Write a recording as one HTML file, to a path at which there is nothing.
 
-    Raises ``RecordingError`` for a recording that cannot be read, ``FileExistsError`` if there is
-    a file of that name.
+    ``beliefs``: whether it holds what the robots believed. Raises ``RecordingError`` for a
+    recording that cannot be read, ``ModuleNotFoundError`` without Bokeh.
     """
-    text = page_html(scene_of_recording(recording))
-    aside = out.with_name(f".{out.name}.part")
-    if out.exists():
-        raise FileExistsError(f"{out}: is there already")
-    try:
-        aside.write_text(text, encoding="utf-8")
-        aside.replace(out)
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
+    out.write_text(page_html(scene_of_recording(recording, beliefs)), encoding="utf-8")
 
 
 def page_html(scene: Scene) -> str:
