@@ -122,7 +122,8 @@ class Bridge:
             if mail.interrupted:
                 report.ended, report.failed = f"stopped by {mail.interrupted}", False
             elif not mail.was_alive and now_s - began_s > world_s_max:
-                report.ended, report.failed = f"there is no world within {world_s_max:g} s", True
+                report.ended = f"no world of run {self._run} came within {world_s_max:g} s"
+                report.failed = True
             gone_s = None if mail.alive or not mail.was_alive else gone_s or now_s
             if gone_s is not None and now_s - gone_s > LINGER_S and mail.states.empty():
                 report.ended = "the world has ended"
@@ -143,7 +144,7 @@ class Bridge:
             return
         robots = len(self._stage.robots)
         if len(state.robots) != robots:
-            self._refuse(f"a state of {len(state.robots)} robots, the scenario has {robots}")
+            self._refuse(f"it is of {len(state.robots)} robots, the run has {robots}")
             return
         before = self._before
         if before is not None and state.tick <= before.tick:

@@ -5,6 +5,7 @@ They are those that rosbags has, which needs no ROS 2. It is imported here alone
 
 from typing import Any
 
+from encircle.extras import needing
 from encircle.ros2.releases import NO_HASH, Release
 from encircle.ros2.wire import Quality, Topic
 
@@ -13,8 +14,8 @@ class MessageTypes:
     """The types of one release; raises ``MissingExtra`` if rosbags is not installed."""
 
     def __init__(self, release: Release) -> None:
-        import rosbags.typesys as typesys
-
+        with needing("encircle ros2", "ros2"):
+            from rosbags import typesys
         self._release = release
         self._store = typesys.get_typestore(typesys.Stores(release.store))
 
