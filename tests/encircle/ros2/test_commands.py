@@ -33,7 +33,9 @@ def twist(x=0.0, y=0.0, turn=0.0):
 
 
 def pose(x, y, frame="map"):
-    header = TYPES.make("std_msgs/msg/Header", TYPES.make("builtin_interfaces/msg/Time", 0, 0), frame)
+    header = TYPES.make(
+        "std_msgs/msg/Header", TYPES.make("builtin_interfaces/msg/Time", 0, 0), frame
+    )
     point = TYPES.make("geometry_msgs/msg/Point", x, y, 0.0)
     turn = TYPES.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
     return TYPES.make(
@@ -73,7 +75,7 @@ def test_a_frame_that_is_not_known_is_refused(frame):
 
 def test_a_goal_is_a_point():
     assert goal_of(pose(1.0, 2.0)) == goal_of(pose(1.0, 2.0, "")) == Goal(1.0, 2.0)
-    with pytest.raises(CommandRefused, match="position.y = nan"):
+    with pytest.raises(CommandRefused, match=r"position\.y = nan"):
         goal_of(pose(1.0, nan))
 
 

@@ -134,9 +134,7 @@ def test_in_lock_step_a_velocity_holds_for_its_time_in_the_runs_ticks():
 def test_by_the_clock_a_velocity_holds_for_its_time_and_nobody_waits():
     robot = Driven(by_clock=True)
     robot.mail.put(FORWARD)
-    moved = []
-    for _ in range(10):
-        moved.append(robot.step()[1].step != (0.0, 0.0))
+    moved = [robot.step()[1].step != (0.0, 0.0) for _ in range(10)]
     assert moved == [True] * 6 + [False] * 4
     assert robot.mail.waits == 0
     robot.mail.put(FORWARD)

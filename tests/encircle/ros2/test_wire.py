@@ -4,7 +4,8 @@ import pytest
 import zenoh
 from helpers_ros2 import DEFINITIONS
 from zenoh_ros2_sdk.attachment import Attachment
-from zenoh_ros2_sdk.entity import EndpointEntity, EntityKind as TheirKind, NodeEntity
+from zenoh_ros2_sdk.entity import EndpointEntity, NodeEntity
+from zenoh_ros2_sdk.entity import EntityKind as TheirKind
 from zenoh_ros2_sdk.keyexpr import (
     endpoint_liveliness_keyexpr,
     node_liveliness_keyexpr,
@@ -72,7 +73,7 @@ def test_others_read_the_quality_of_service_as_it_is_meant(best_effort, depth):
 
 
 def test_an_attachment_has_33_bytes():
-    by_hand = bytes.fromhex("0201000000000000" "00e40b5402000000" "10") + GID
+    by_hand = bytes.fromhex("020100000000000000e40b540200000010") + GID
     made = attachment(258, 10_000_000_000, GID)
     assert made == by_hand
     assert Attachment.from_bytes(made) == Attachment(258, 10_000_000_000, GID)
@@ -84,7 +85,9 @@ def test_attachments_are_what_zenohs_serialiser_makes():
     number, time = (serialised(zenoh.ext.Int64(n)).to_bytes() for n in (-2, 1_700_000_000_123))
     gid = serialised(GID).to_bytes()
     assert attachment(-2, 1_700_000_000_123, GID) == number + time + gid
-    names = [serialised(n).to_bytes() for n in ("sequence_number", "source_timestamp", "source_gid")]
+    names = [
+        serialised(n).to_bytes() for n in ("sequence_number", "source_timestamp", "source_gid")
+    ]
     keyed = names[0] + number + names[1] + time + names[2] + gid
     assert attachment(-2, 1_700_000_000_123, GID, by_name=True) == keyed
 
