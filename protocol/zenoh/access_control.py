@@ -21,8 +21,15 @@ from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.zenoh.endpoints import MESSAGE_BYTES_MAX, ConfigurationError, Identity
 from encircle.protocol.zenoh.lanes import GATE_SETTINGS, QUEUE_SETTINGS
 from encircle.protocol.zenoh.node_info import ROUTER_KEY
+from encircle.protocol.zenoh.scenario_query import CHANNEL as SCENARIO
 
 AUTHORITY, WORLD, ROUTER, VIEWER = "authority", "world", "router", "viewer"
+FROM_ROBOTS, TO_ROBOTS, SHOWN = (
+    ("pose", "command"),
+    ("setup", "observation", "end"),
+    ("state", "radio"),
+)
+"""Channels of what robots say, of what the world says to them, and of what it shows to viewers."""
 TEAM_MAX = 256
 TEAM = tuple(f"r{number}" for number in range(1, TEAM_MAX + 1))
 """The ids of the largest team, for a gate that is not told which robots there are."""
@@ -148,8 +155,8 @@ def gate(robots: Iterable[str] = TEAM, run: str = "*", direct_radio: bool = Fals
 
 def robot_permissions(run: str, robot: str, direct_radio: bool = False) -> Permissions:
     """A robot: speaks on its own keys, hears what is meant for it, sees whether the world lives."""
-    from_robot = tuple(robot_key(run, robot, channel) for channel in ("pose", "command"))
-    to_robots = tuple(robot_key(run, robot, channel) for channel in ("setup", "observation", "end"))
+    from_robot = tuple(robot_key(run, robot, channel) for channel in FROM_ROBOTS)
+    to_robots = tuple(robot_key(run, robot, channel) for channel in TO_ROBOTS)
     peers = (robot_key(run, "*", "pose"),) if direct_radio else ()
     own = robot_key(run, robot, "alive")
     return Permissions(
@@ -166,28 +173,30 @@ def robot_permissions(run: str, robot: str, direct_radio: bool = False) -> Permi
 
 def world_permissions(run: str) -> Permissions:
     """The world: the other end of every robot's keys, and the truth for those who look on."""
-    to_robots = tuple(robot_key(run, "*", channel) for channel in ("setup", "observation", "end"))
+    to_robots = tuple(robot_key(run, "*", channel) for channel in TO_ROBOTS)
+    shown = tuple(world_key(run, channel) for channel in SHOWN)
     own = world_key(run, "alive")
     return Permissions(
-        publishes=(*to_robots, world_key(run, "state")),
-        discovers=(robot_key(run, "*", "*"), world_key(run, "state")),
+        publishes=(*to_robots, *shown),
+        discovers=(robot_key(run, "*", "*"), *shown),
         subscribes=(robot_key(run, "*", "*"),),
-        receives=tuple(robot_key(run, "*", channel) for channel in ("pose", "command")),
+        receives=tuple(robot_key(run, "*", channel) for channel in FROM_ROBOTS),
         declares=(own,),
         watches=(own, robot_key(run, "*", "alive")),
-        answers=(world_key(run, "about"),),
+        answers=(world_key(run, "about"), world_key(run, SCENARIO)),
         queries=_info_keys(run),
     )
 
 
 def viewer_permissions(run: str) -> Permissions:
-    """Whoever looks on: hears the truth, sees who is there, says nothing."""
-    state = (world_key(run, "state"),)
+    """Whoever looks on: hears all that is said in a run, sees who is there, says nothing."""
+    shown = tuple(world_key(run, channel) for channel in SHOWN)
+    said = tuple(robot_key(run, "*", channel) for channel in (*TO_ROBOTS, *FROM_ROBOTS))
     return Permissions(
-        subscribes=state,
-        receives=state,
+        subscribes=(*shown, robot_key(run, "*", "*")),
+        receives=(*shown, *said),
         watches=(world_key(run, "alive"), robot_key(run, "*", "alive")),
-        queries=_info_keys(run),
+        queries=(*_info_keys(run), world_key(run, SCENARIO)),
     )
 
 

@@ -153,6 +153,10 @@ class ZenohConnection:
         """Answer whoever asks what this node is, which versions it has, what its clock shows."""
         self._watchers.append(serve_queries(self._session, key, info_replier(node, now_us)))
 
+    def answer_viewers(self, key: str, reply: Callable[[], bytes]) -> None:
+        """Answer who looks on with what ``reply`` makes; waits for nobody who does not read."""
+        self._watchers.append(serve_queries(self._session, key, reply, waits=False))
+
     def flush(self, expression: str, s_max: float) -> bool:
         """Wait until the nodes that answer queries on such keys have had what was sent.
 

@@ -37,20 +37,21 @@ class Entry(NamedTuple):
 class Journal:
     """The journal of one run.
 
-    ``record`` gets every message of the run, if it is set. ``publishes_state``: whether ``commit``
-    returns the state at every tick, for viewers. ``pending``: what is not committed yet; ``hash``:
-    what was committed so far.
+    ``record`` gets every message of the run, if it is set. ``publishes``: whether ``commit``
+    returns state and radio of every tick, for viewers. ``pending``: what is not committed yet;
+    ``hash``: what was committed so far.
     """
 
     def __init__(self, arena: Arena, run: str, record: Record | None = None) -> None:
         self.record = record
-        self.publishes_state = False
+        self.publishes = False
         self.pending: list[Entry] = []
         self.packets = PacketCounts()
         self.contacts = 0
         self._arena = arena
         self._run = run
         self._state_key = world_key(run, "state")
+        self._shown = (self._state_key, world_key(run, "radio"))
         header = digest_header(arena.scenario, arena.seed)
         self.hash = hashlib.blake2b(header.encode(), digest_size=16)
 
@@ -66,7 +67,7 @@ class Journal:
     def note_state(self, state: ArenaState, setups: Outgoing, messages: Outgoing) -> None:
         """Note the truth at a tick, the setups of robots that are back, and all messages sent."""
         self.contacts += len(state.contacts)
-        if self.record is not None or self.publishes_state:
+        if self.record is not None or self.publishes:
             shown = encode(engine.truth(self._arena, state), self._run)
             messages = [(self._state_key, shown), *messages]
         moving = len(self._arena.ids) + 1
@@ -88,20 +89,20 @@ class Journal:
                 messages.append((robot_key(self._run, robot, "pose"), answer.packet))
             digested.append(answer.digested_command)
             messages.append((robot_key(self._run, robot, "command"), answer.command))
-        if self.record is not None:
+        if self.record is not None or self.publishes:
             messages.append(radio_message(self._run, tick, fates))
         self.pending.append(Entry(tick, digested, messages))
 
     def commit(self) -> Outgoing:
-        """Digest and record what was noted since the last call; returns states for viewers."""
-        states: Outgoing = []
+        """Digest and record what was noted since the last call; returns what viewers are shown."""
+        shown: Outgoing = []
         for entry in self.pending:
             for part in entry.digested:
                 self.hash.update(part)
             for key, payload in entry.messages:
                 if self.record is not None:
                     self.record(entry.tick, key, payload)
-                if key == self._state_key:
-                    states.append((key, payload))
+                if key in self._shown:
+                    shown.append((key, payload))
         self.pending.clear()
-        return states
+        return shown

@@ -157,7 +157,7 @@ class RoundEngine:
         return end_messages(self.arena.ids, self.run, self.state.tick, self.ended or "")
 
     def commit(self) -> Outgoing:
-        """Digest and record what has happened since the last call; returns states for viewers."""
+        """Digest and record what has happened since the last call; returns what viewers are shown."""
         return self.journal.commit()
 
     def result(self) -> Result:
@@ -187,10 +187,14 @@ class RoundEngine:
             tuple(departure.row for departure in self.departures),
         )
 
-    def _setup(self, robot: str) -> tuple[str, bytes]:
+    def first_setups(self) -> tuple[bytes, ...]:
+        """Each robot's setup for tick 0, encoded, in robot order."""
+        return tuple(self._setup(robot, 0)[1] for robot in self.arena.ids)
+
+    def _setup(self, robot: str, first_tick: int | None = None) -> tuple[str, bytes]:
         policy = self.arena.scenario.strategy_of(robot)
         if policy not in self._sources:
             # Once in a run, so that who comes back later has the policy that the others have.
             self._sources[policy] = policy_source(policy)
-        tick = max(self.table.tick, 0)
+        tick = max(self.table.tick, 0) if first_tick is None else first_tick
         return setup_message(self.arena, self.run, robot, tick, self._sources[policy])

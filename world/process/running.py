@@ -86,7 +86,7 @@ async def _served(
     core, options = server.core, server.options
     if recorder is not None:
         server.record_with(recorder)
-    core.rounds.journal.publishes_state = True
+    core.rounds.journal.publishes = True
     if options.parent:
         reader = asyncio.get_running_loop().add_reader
         reader(sys.stdin.fileno(), server.stop, "its starter is gone")

@@ -24,6 +24,7 @@ from encircle.world.coordinator.result import GO_ON
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.process.core_access import CoreAccess
 from encircle.world.process.departure_reports import DepartureReports
+from encircle.world.process.description import description_answer
 from encircle.world.process.joining import Joining
 from encircle.world.process.progress import LockStepWatch, RealTimeWatch
 from encircle.world.process.real_time import run_real_time
@@ -152,6 +153,7 @@ class Server:
         started, run, s_max = time.perf_counter(), self.core.run, self.options.join_s_max
         self._joining.watch_tokens(run)
         self.connection.answer_info_queries(world_key(run, "about"), "world")
+        self.connection.answer_viewers(*description_answer(self.core.rounds))
         self.connection.declare_alive(world_key(run, "alive"))
         timeout = self._loop.call_later(s_max, self._joining.give_up, s_max, self.stop)
         all_joined = asyncio.create_task(self._joining.all_joined.wait())

@@ -1,0 +1,210 @@
+"""Looking on at a hunt over Zenoh, on this host or any other, from its start or from now on.
+
+The run's world is asked for scenario, seed and setups; from then on all that is said in the run is
+heard, and says what there is to see. Nobody waits for who looks on, so what it cannot take in time
+is missed, noticed and told.
+"""
+
+import json
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+
+from encircle.live.inbox import Inbox
+from encircle.live.rounds import RoundCollector
+from encircle.live.scene_feed import SceneFeed
+from encircle.live.updates import RunState, Status, Update
+from encircle.protocol.errors import ProtocolError, UnknownKey
+from encircle.protocol.keys import parse_key, robot_key, world_key
+from encircle.protocol.zenoh.endpoints import ConnectionFailed, Endpoints
+from encircle.protocol.zenoh.onlooker import Onlooker
+from encircle.protocol.zenoh.scenario_query import RunDescription
+from encircle.scene.stage import Stage
+from encircle.world.loading.load import load
+from encircle.world.scenario.errors import ScenarioError
+from encircle.world.scenario.model import Scenario
+
+WAIT_S_MAX = 10.0
+"""How long a world is waited for that is not there yet, in s."""
+ASK_S_MAX, ASK_PERIOD_S = 1.0, 0.2
+TOKENS_S_MAX = 1.0
+LAST_STATE_S_MAX = 2.0
+"""How long the last state may come after the end of the run was told."""
+SHOWN_MAX = 8
+
+Heard = tuple[str, bytes | bool]
+"""A key with a message's payload, or with whether its token is there."""
+
+
+class NothingToSee(Exception):
+    """A run that cannot be looked on at; the message says in one line which and why."""
+
+
+class ZenohFeed:
+    """A ``encircle.live.updates.Feed`` of a run over Zenoh.
+
+    ``beliefs``: whether to work out what robots believe, which takes as long as they take to
+    decide. ``wait_s_max``: how long to wait for the run's world. Raises ``ConnectionFailed``, and
+    ``NothingToSee`` if no such world answers or its scenario cannot be understood here.
+    """
+
+    def __init__(
+        self, endpoints: Endpoints, run: str, beliefs: bool = True, wait_s_max: float = WAIT_S_MAX
+    ) -> None:
+        self.run = run
+        self._where = endpoints
+        self._inbox: Inbox[Heard] = Inbox(_size)
+        self._onlooker = Onlooker(
+            endpoints,
+            run,
+            lambda key, payload: self._inbox.put((key, payload)),
+            lambda key, alive: self._inbox.put((key, alive)),
+        )
+        try:
+            described = self._described(wait_s_max)
+            self.scenario = self._scenario(described)
+        except BaseException:
+            self.close()
+            raise
+        self.seed = described.seed
+        self._scene = SceneFeed(self.scenario, self.seed, run, beliefs)
+        by_clock = self.scenario.clock == "wall"
+        self._beliefs = beliefs and not by_clock
+        robots = self.scenario.ids
+        self._rounds = RoundCollector(run, robots, self.scenario.ticks_max, by_clock)
+        for robot, setup in zip(robots, described.setups, strict=False):
+            # They may have been sent before anybody looked on.
+            self._rounds.take(robot_key(run, robot, "setup"), setup)
+        self._there: set[str] = set()
+        self._world_is_there = False
+        self._ended_s: float | None = None
+        self._reason = ""
+        self._over = False
+
+    @property
+    def stage(self) -> Stage:
+        """The hunt's constants."""
+        return self._scene.stage
+
+    def take(self, wait_s: float) -> Update:
+        """What is new, as ``encircle.live.updates.Feed.take``."""
+        rounds = []
+        for key, what in [] if self._over else self._inbox.take(wait_s):
+            if isinstance(what, bool):
+                self._see(key, what)
+            else:
+                rounds += self._rounds.take(key, what)
+        self._look_for_end()
+        if self._over:
+            rounds += self._rounds.flush()
+        messages, frames = self._scene.take(rounds)
+        if self._over:
+            frames += self._scene.finish()
+        return Update(tuple(messages), tuple(frames), self._status())
+
+    def close(self) -> None:
+        """Look on no longer; may be called twice, and from any thread."""
+        self._inbox.close()
+        self._onlooker.close()
+
+    def _described(self, wait_s_max: float) -> RunDescription:
+        """What the world says of its run; waits for it to come."""
+        until_s = time.monotonic() + wait_s_max
+        while True:
+            try:
+                described = self._onlooker.description(ASK_S_MAX)
+            except ProtocolError as error:
+                raise NothingToSee(f"the world of run {self.run}: {error}") from None
+            if described is not None:
+                return described
+            if time.monotonic() >= until_s:
+                raise NothingToSee(self._why_nothing(wait_s_max))
+            time.sleep(ASK_PERIOD_S)
+
+    def _why_nothing(self, waited_s: float) -> str:
+        runs = self._onlooker.runs(TOKENS_S_MAX)
+        if self.run in runs:
+            return (
+                f"the world of run {self.run} does not tell its scenario:"
+                " it is of an earlier version, or not of this program"
+            )
+        names = ", ".join(runs[:SHOWN_MAX]) + (", ..." if len(runs) > SHOWN_MAX else "")
+        there = f"the runs there are {names}" if runs else "no run is there"
+        return f"no world of run {self.run} answers at {self._where} for {waited_s:g} s; {there}"
+
+    def _scenario(self, described: RunDescription) -> Scenario:
+        try:
+            tree = json.loads(described.scenario)
+            if type(tree) is not dict:
+                raise ValueError("its scenario is not a table")
+            return load(tree)
+        except (ScenarioError, ValueError, RecursionError) as error:
+            # As of a policy or target behaviour that is not installed here.
+            text = " ".join(str(error).split())
+            raise NothingToSee(f"run {self.run} cannot be understood here: {text}") from None
+
+    def _see(self, key: str, alive: bool) -> None:
+        """A token came or went."""
+        if key == world_key(self.run, "alive"):
+            self._world_is_there = alive
+            if not alive and self._ended_s is None:
+                self._ended_s = time.monotonic()
+                self._reason = "the world is gone"
+            return
+        with suppress(UnknownKey):
+            robot = parse_key(key).robot or ""
+            (self._there.add if alive else self._there.discard)(robot)
+
+    def _look_for_end(self) -> None:
+        end, now_s = self._rounds.end, time.monotonic()
+        if end is not None and not self._reason:
+            self._reason = end.reason
+            self._ended_s = now_s
+        if self._ended_s is None or self._over:
+            return
+        next_tick = self._rounds.first_to_come or 0
+        has_last = end is not None and next_tick > end.tick
+        late = now_s - self._ended_s > (LAST_STATE_S_MAX if self._world_is_there else ASK_PERIOD_S)
+        self._over = has_last or late
+
+    def _status(self) -> Status:
+        joined, tick = self._scene.joined_tick, (self._rounds.first_to_come or 0) - 1
+        missed = self._rounds.missed_ticks
+        if joined is None:
+            state, texts = RunState.WAITING, [self._waiting_text()]
+        else:
+            state, texts = RunState.RUNNING, []
+        if self._over:
+            state = RunState.ENDED
+            texts = [f"{_ending(self._reason)} at tick {max(tick, 0)}"]
+        if joined:
+            texts.append(f"seen from tick {joined} on")
+        if missed:
+            texts.append(f"{missed} tick{'s' if missed > 1 else ''} missed")
+        if self._scene.unsure:
+            texts.append(f"beliefs of {_names(self._scene.unsure)} cannot be known")
+        return Status(
+            state,
+            "; ".join(texts),
+            complete=not joined and not missed,
+            missed_ticks=missed,
+            beliefs=self._beliefs,
+        )
+
+    def _waiting_text(self) -> str:
+        absent = [robot for robot in self.scenario.ids if robot not in self._there]
+        return f"waiting for {_names(absent)}" if absent else "every robot is there"
+
+
+def _size(heard: Heard) -> int:
+    key, what = heard
+    return len(key) + (len(what) if isinstance(what, bytes) else 0)
+
+
+def _ending(reason: str) -> str:
+    return {"captured": "captured", "ticks": "not captured: the time is over,"}.get(reason, reason)
+
+
+def _names(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:SHOWN_MAX])
+    return f"{shown} and {len(names) - SHOWN_MAX} more" if len(names) > SHOWN_MAX else shown

@@ -1,0 +1,54 @@
+"""From rounds of a running hunt to frames, whatever is missing or wrong in them. Sans I/O."""
+
+from collections.abc import Iterable
+
+from encircle.live.rounds import Message, Round
+from encircle.protocol.errors import ProtocolError
+from encircle.scene.builder import SceneBuilder
+from encircle.scene.frame import Frame
+from encircle.scene.stage import Stage, stage_of
+from encircle.world.recording.recording import RecordingError
+from encircle.world.scenario.model import Scenario
+
+
+class SceneFeed:
+    """The frames of one run. ``joined_tick``: the first tick that was seen, None before it.
+
+    ``refused``: how many messages could not be understood. ``unsure``: the robots of which it
+    cannot be worked out now what they believe.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int, run: str, beliefs: bool = True) -> None:
+        self.stage: Stage = stage_of(scenario, seed, run)
+        self.joined_tick: int | None = None
+        self.refused = 0
+        self.unsure: tuple[str, ...] = ()
+        self._builder = SceneBuilder(scenario, seed, run, beliefs)
+
+    def take(self, rounds: Iterable[Round]) -> tuple[list[Message], list[Frame]]:
+        """The messages of some rounds, and the frames that are whole with them."""
+        messages, frames = [], []
+        for heard in rounds:
+            if self.joined_tick is None:
+                self.joined_tick = heard.tick
+            for message in heard.messages:
+                messages.append(message)
+                frames += self._frames(message)
+        return messages, self._noted(frames)
+
+    def finish(self) -> list[Frame]:
+        """The frames that are left when nothing more will come."""
+        return self._noted(self._builder.finish())
+
+    def _frames(self, message: Message) -> list[Frame]:
+        try:
+            return self._builder.take(*message)
+        except (ProtocolError, RecordingError):
+            # Anybody may send anything where there are no certificates.
+            self.refused += 1
+            return []
+
+    def _noted(self, frames: list[Frame]) -> list[Frame]:
+        if frames:
+            self.unsure = frames[-1].beliefs_unsure
+        return frames
