@@ -151,11 +151,11 @@ class ZenohConnection:
 
     def answer_info_queries(self, key: str, node: str) -> None:
         """Answer whoever asks what this node is, which versions it has, what its clock shows."""
-        self._watchers.append(serve_queries(self._session, key, info_replier(node, now_us)))
+        self.answer_queries(key, info_replier(node, now_us))
 
-    def answer_viewers(self, key: str, reply: Callable[[], bytes]) -> None:
-        """Answer who looks on with what ``reply`` makes; waits for nobody who does not read."""
-        self._watchers.append(serve_queries(self._session, key, reply, waits=False))
+    def answer_queries(self, key: str, reply: Callable[[], bytes]) -> None:
+        """Answer whoever asks on a key with what ``reply`` makes, on one of Zenoh's threads."""
+        self._watchers.append(serve_queries(self._session, key, reply))
 
     def flush(self, expression: str, s_max: float) -> bool:
         """Wait until the nodes that answer queries on such keys have had what was sent.

@@ -12,17 +12,11 @@ FIRST_MESSAGES_MAX = 1024
 """How many keys ``first_messages`` keeps a message of."""
 
 
-def serve_queries(
-    session: zenoh.Session, key: str, reply: Callable[[], bytes], waits: bool = True
-) -> Any:
-    """Answer queries on a key, on Zenoh's own thread, as long as what is returned is kept.
-
-    ``waits``: for room in the queue to whoever asked, instead of dropping the answer.
-    """
-    control = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
+def serve_queries(session: zenoh.Session, key: str, reply: Callable[[], bytes]) -> Any:
+    """Answer queries on a key, on Zenoh's own thread, as long as what is returned is kept."""
 
     def answer(query: zenoh.Query) -> None:
-        query.reply(key, reply(), congestion_control=control)
+        query.reply(key, reply())
 
     return session.declare_queryable(key, zenoh.handlers.Callback(answer, indirect=False))
 

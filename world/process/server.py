@@ -153,7 +153,7 @@ class Server:
         started, run, s_max = time.perf_counter(), self.core.run, self.options.join_s_max
         self._joining.watch_tokens(run)
         self.connection.answer_info_queries(world_key(run, "about"), "world")
-        self.connection.answer_viewers(*description_answer(self.core.rounds))
+        self.connection.answer_queries(*description_answer(self.core.rounds))
         self.connection.declare_alive(world_key(run, "alive"))
         timeout = self._loop.call_later(s_max, self._joining.give_up, s_max, self.stop)
         all_joined = asyncio.create_task(self._joining.all_joined.wait())

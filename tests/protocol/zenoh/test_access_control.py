@@ -32,6 +32,7 @@ from encircle.protocol.zenoh.session import open_session
 
 RUN = "m"
 SAID_BY_ROBOTS, SAID_TO_ROBOTS = ("pose", "command"), ("setup", "observation", "end")
+SHOWN = ("state", "radio")
 NODE_KINDS = ("world", "r1", "r2", "viewer")
 LATER_S = 0.3
 """How long what should not arrive is given to arrive."""
@@ -60,15 +61,17 @@ class NodeProcess:
     def __init__(self, name, session):
         self.name, self.session = name, session
         self.heard, self.seen = set(), []
-        own = {"world": robot_key(RUN, "*", "*"), "viewer": world_key(RUN, "state")}
-        takes = own.get(name, robot_key(RUN, name, "*"))
+        shown = [world_key(RUN, channel) for channel in SHOWN]
+        everybody = robot_key(RUN, "*", "*")
+        own = {"world": [everybody], "viewer": [everybody, *shown]}
+        takes = own.get(name, [robot_key(RUN, name, "*")])
         watched = [world_key(RUN, "alive"), robot_key(RUN, "*", "alive"), "encircle/**"]
         hears = zenoh.handlers.Callback(self._hear, indirect=False)
         sees = zenoh.handlers.Callback(self._see, indirect=False)
         remote = zenoh.Locality.REMOTE
         self.kept = [
             session.declare_subscriber(expression, hears, allowed_origin=remote)
-            for expression in (takes, "encircle/**", "**")
+            for expression in (*takes, "encircle/**", "**")
         ]
         self.kept += [
             session.liveliness().declare_subscriber(expression, sees, history=True)
@@ -123,7 +126,7 @@ def sync(nodes, word):
 
 def may_say(node, robot, channel):
     if node == "world":
-        return channel in (SAID_TO_ROBOTS if robot else ("state",))
+        return channel in (SAID_TO_ROBOTS if robot else SHOWN)
     return robot == node and channel in SAID_BY_ROBOTS
 
 
@@ -131,7 +134,7 @@ def may_hear(node, robot, channel):
     if node == "world":
         return robot is not None and channel in SAID_BY_ROBOTS
     if node == "viewer":
-        return robot is None and channel == "state"
+        return channel in ((*SAID_BY_ROBOTS, *SAID_TO_ROBOTS) if robot else SHOWN)
     return robot == node and channel in SAID_TO_ROBOTS
 
 

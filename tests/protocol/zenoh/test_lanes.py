@@ -39,6 +39,7 @@ TOO_MANY = 1500
         (robot_key("t", "r1", "setup"), SURE, SURE),
         (robot_key("t", "r1", "end"), SURE, SURE),
         (world_key("t", "state"), VIEWERS, SURE),
+        (world_key("t", "radio"), VIEWERS, SURE),
     ],
 )
 def test_a_message_takes_the_lane_of_its_kind_and_said_again_the_sure_one(key, first, again):
