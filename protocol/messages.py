@@ -354,7 +354,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Radio:
-    """World to recorders: the fate of each packet sent at a tick."""
+    """World to anyone who looks on: the fate of each packet sent at a tick."""
 
     tick: Annotated[Count, Field("when they were sent")]
     fates: Annotated[

@@ -16,7 +16,7 @@ from encircle.live.scene_feed import SceneFeed
 from encircle.live.updates import RunState, Status, Update
 from encircle.protocol.errors import ProtocolError, UnknownKey
 from encircle.protocol.keys import parse_key, robot_key, world_key
-from encircle.protocol.zenoh.endpoints import ConnectionFailed, Endpoints
+from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.protocol.zenoh.onlooker import Onlooker
 from encircle.protocol.zenoh.scenario_query import RunDescription
 from encircle.scene.stage import Stage

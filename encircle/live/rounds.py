@@ -21,6 +21,8 @@ Message = tuple[int, str, bytes]
 
 ROUNDS_WAITED_MAX = 8
 """How many later rounds may be there before one goes on that is not whole."""
+ROUNDS_PATIENT = 4
+"""How many later rounds must be there before it is believed that a robot was lost in one."""
 ROUNDS_KEPT_MAX = 64
 PARTS = ("state", "setup", "observation", "pose", "command", "radio", "end")
 """The order of channels within a round."""
@@ -60,6 +62,7 @@ class RoundCollector:
         self._ticks_max = ticks_max
         self._by_clock = by_clock
         self._open: dict[int, _Open] = {}
+        self._lost_before: frozenset[str] = frozenset()
         self._next: int | None = None
 
     @property
@@ -132,7 +135,8 @@ class RoundCollector:
             self.missed_ticks += tick - self._next
         self.missed_ticks += not whole
         self._next = tick + 1
-        payloads = self._open.pop(tick).payloads
+        closed = self._open.pop(tick)
+        payloads, self._lost_before = closed.payloads, closed.lost
         order = {robot: number for number, robot in enumerate(("world", *self._robots))}
         keys = sorted(payloads, key=lambda k: (PARTS.index(k[0]), order[k[1]]))
         messages = [
@@ -158,16 +162,22 @@ class RoundCollector:
         if ("radio", "world") not in opened.payloads:
             return False
         nobody_asked = not any(channel == "observation" for channel, _ in opened.payloads)
-        if self._by_clock or nobody_asked:
+        if self._by_clock:
             return later > 0
+        patient = later >= ROUNDS_PATIENT
+        if nobody_asked:
+            return patient
+        back = self._lost_before if tick == self._next else frozenset()
         return all(
-            self._is_answered(opened, robot) or self._left(tick, robot)
+            self._is_answered(opened, robot, robot in back) or (patient and self._left(tick, robot))
             for robot in self._robots
             if robot not in opened.lost
         )
 
-    def _is_answered(self, opened: _Open, robot: str) -> bool:
-        needed = ["observation", "command", *([] if robot in opened.silent else ["pose"])]
+    def _is_answered(self, opened: _Open, robot: str, is_back: bool) -> bool:
+        needed = ["observation", "command"]
+        needed += [] if robot in opened.silent else ["pose"]
+        needed += ["setup"] if is_back else []
         return all((channel, robot) in opened.payloads for channel in needed)
 
     def _left(self, tick: int, robot: str) -> bool:

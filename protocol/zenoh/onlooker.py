@@ -22,8 +22,10 @@ Hear = Callable[[str, bytes], None]
 
 
 class Onlooker:
-    """Looks on at one run. ``hear(key, payload)`` and ``see(key, alive)`` are called for messages
-    and for liveliness tokens, on Zenoh's own threads. Raises ``ConnectionFailed``.
+    """Looks on at one run.
+
+    ``hear(key, payload)`` is called for its messages and ``see(key, alive)`` for its liveliness
+    tokens, on Zenoh's own threads. Raises ``ConnectionFailed``.
     """
 
     def __init__(

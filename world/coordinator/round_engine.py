@@ -157,7 +157,7 @@ class RoundEngine:
         return end_messages(self.arena.ids, self.run, self.state.tick, self.ended or "")
 
     def commit(self) -> Outgoing:
-        """Digest and record what has happened since the last call; returns what viewers are shown."""
+        """Digest and record what is new since the last call; returns what viewers are shown."""
         return self.journal.commit()
 
     def result(self) -> Result:
