@@ -1,9 +1,6 @@
 """Replay of runs by the clock: what each robot had received when it decided, reconstructed.
 
-In lock-step the observations suffice. Here a robot answers the newest observation that it has, and
-may receive packets from its peers directly. The receipts in its commands show in which order it has
-received packets, passed over observations and answered them (``encircle.protocol.real_time``), and
-the world has recorded observations and packets. New robots receive the same, by the tick and not by
+New robots receive the same as the real ones (``encircle.replay.receipts``), by the tick and not by
 the clock, and must decide the same.
 
 What cannot be reconstructed is not guessed. If a robot has received a packet that the world has
@@ -15,12 +12,11 @@ stand still that a robot gives when no observation arrives depends on the clock,
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
 
-from encircle.agents.brain.real_time_core import RealTimeRobotCore
-from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
-from encircle.protocol.keys import channel_of, robot_key
+from encircle.protocol.keys import channel_of
 from encircle.protocol.messages import Command, CommandMode, Pose
-from encircle.protocol.real_time import Receipt, ReceiptKind
+from encircle.protocol.real_time import Receipt
+from encircle.replay.receipts import NotRecorded, RobotByReceipts
 from encircle.replay.replay_check import ReplayCheck, raise_failure
 from encircle.world.recording.recording import Recording, decoded
 
@@ -35,10 +31,6 @@ class _RobotRecording:
     observations: dict[int, bytes] = field(default_factory=dict)
     commands: dict[int, Command] = field(default_factory=dict)
     poses: dict[int, Pose] = field(default_factory=dict)
-
-
-class _NotRecorded(Exception):
-    """What a robot had received cannot be reconstructed; the message says why."""
 
 
 def replay_real_time(recording: Recording) -> ReplayCheck:
@@ -113,28 +105,20 @@ class _RobotCheck:
         for first, ticks in by_participation.items():
             try:
                 self._check_participation(first, ticks)
-            except _NotRecorded as reason:
-                self.unchecked.append(f"{self._robot}: {reason}")
+            except NotRecorded as reason:
+                self.unchecked.append(f"{self._robot}: {reason}; not checked from there")
 
     def _check_participation(self, first: int, ticks: list[int]) -> None:
-        core = RobotCore(self._robot, self._run)
-        core.receive(robot_key(self._run, self._robot, "setup"), self._part.setups[first])
-        if core.setup is None:
+        robot = RobotByReceipts(self._robot, self._run, self._part.setups[first])
+        if robot.core.setup is None:
             self.differences.append((first, self._robot, "setup"))
             return
-        robot = RealTimeRobotCore(core)
         for receipt in self._receipts(ticks):
-            if receipt.kind is ReceiptKind.PACKET:
-                self._give_packet(robot, receipt)
-                continue
-            self._observe(robot, receipt.number)
-            if receipt.kind is ReceiptKind.ANSWERED:
+            if robot.receive(receipt, self._part.observations, self._packets):
                 self._decide(robot, receipt.number)
                 ticks = [tick for tick in ticks if tick != receipt.number]
         if ticks:
-            raise _NotRecorded(
-                f"what it had at tick {ticks[0]} is not recorded; not checked from there"
-            )
+            raise NotRecorded(f"what it had at tick {ticks[0]} is not recorded")
 
     def _receipts(self, ticks: list[int]) -> list[Receipt]:
         """What the robot has received, in that order, by its commands of these ticks."""
@@ -145,28 +129,13 @@ class _RobotCheck:
                 receipts.setdefault((receipt.source, receipt.number), receipt)
         return list(receipts.values())
 
-    def _observe(self, robot: RealTimeRobotCore, tick: int) -> None:
-        observation = self._part.observations.get(tick)
-        if observation is None:
-            raise _NotRecorded(f"the observation of tick {tick} is not recorded")
-        robot.take(0, robot_key(self._run, self._robot, "observation"), observation)
-
-    def _give_packet(self, robot: RealTimeRobotCore, receipt: Receipt) -> None:
-        packet = self._packets.get((receipt.source, receipt.number))
-        if packet is None:
-            raise _NotRecorded(
-                f"packet {receipt.number} of {receipt.source}, which it received, did not reach the"
-                " world; not checked from there"
-            )
-        robot.take(receipt.arrival_us, robot_key(self._run, receipt.source, "pose"), packet)
-
-    def _decide(self, robot: RealTimeRobotCore, tick: int) -> None:
-        action = robot.decide()
+    def _decide(self, robot: RobotByReceipts, tick: int) -> None:
+        answer = robot.decide()
         raise_failure(robot.core)
-        if action is None:
+        if answer is None:
             self.differences.append((tick, self._robot, "command"))
             return
-        messages = {channel_of(key): payload for key, payload in robot.messages(action, 0)}
+        messages = {channel_of(key): payload for key, payload in answer[1]}
         mine, theirs = (
             decode(Command, messages["command"], self._run),
             self._part.commands.get(tick),

@@ -4,6 +4,8 @@ What a robot believes is in no message. Its setup and its observations are, and 
 decides the same on them; so do its beliefs follow. Where a robot cannot be followed, because its
 setup or an observation was not seen, or because it decided otherwise than this program does, it is
 named as unsure until it gets a new setup.
+
+This is for runs in lock-step; ``encircle.scene.beliefs_by_clock`` is for the others.
 """
 
 from collections.abc import Mapping
@@ -14,7 +16,6 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.estimation.spline import extrapolate
 from encircle.agents.teamwork.peers import believed_positions, planning_team
 from encircle.protocol.codec import decode
-from encircle.protocol.errors import ProtocolError
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import Command, Observation
 from encircle.protocol.plugins import PluginFailed
@@ -46,6 +47,14 @@ def shown_belief(core: RobotCore) -> Belief:
     return Belief(position, peers, estimate[:4], estimate.covariance, prediction)
 
 
+RESULTS_MAX = 200
+"""Ticks of which results are kept until they are taken back."""
+NO_SETUP = "its setup was not seen"
+OTHERWISE = "it decided otherwise than this program does"
+Believed = tuple[tuple[Belief | None, ...], dict[str, str]]
+"""What each robot believes at a tick, and of which robots that is not known, and why."""
+
+
 class Followed(NamedTuple):
     """What has come of following one robot to a tick.
 
@@ -69,7 +78,7 @@ class LockStepBeliefs:
             robot: RobotCore(robot, run, self._refusals.append) for robot in scenario.ids
         }
         self._setups = dict.fromkeys(scenario.ids, 0)
-        self._problems: dict[str, str] = dict.fromkeys(scenario.ids, "its setup was not seen")
+        self._problems: dict[str, str] = dict.fromkeys(scenario.ids, NO_SETUP)
         self._results: dict[int, dict[str, Followed]] = {}
         self._wrong_since = dict.fromkeys(scenario.ids, -1)
 
@@ -84,23 +93,35 @@ class LockStepBeliefs:
         self._refusals.clear()
 
     def take_observation(self, robot: str, tick: int, payload: bytes) -> None:
-        """A robot is asked; it decides."""
-        core, since = self._cores[robot], self._setups[robot]
-        problem = self._problems.get(robot)
-        if problem is None:
-            try:
-                action = core.decide(decode(Observation, payload, self._run))
-                followed = Followed(shown_belief(core), action.command, None, since)
-            except (ProtocolError, PluginFailed) as error:
-                problem = self._problems[robot] = str(error).partition("\n")[0]
-        if problem is not None:
-            followed = Followed(None, None, problem, since)
-        self._results.setdefault(tick, {})[robot] = followed
+        """A robot is asked; it decides.
 
-    def take_back(
-        self, tick: int, commands: Mapping[str, Command]
-    ) -> tuple[tuple[Belief | None, ...], dict[str, str]]:
-        """What each robot believed at a tick, and of which that is not known, and why.
+        As of a robot, ``ProtocolError`` for an observation that is none, and nothing if it comes
+        once more, as it does when an answer is lost.
+        """
+        observation = decode(Observation, payload, self._run)
+        core, problem = self._cores[robot], self._problems.get(robot)
+        belief = command = None
+        if problem is None:
+            if tick <= core.tick:
+                return
+            if tick > core.tick + 1:
+                problem = f"its observation of tick {core.tick + 1} was not seen"
+            else:
+                core.check(observation)
+                try:
+                    command = core.decide(observation).command
+                    belief = shown_belief(core)
+                except PluginFailed as error:
+                    problem = str(error).partition("\n")[0]
+            if problem is not None:
+                self._problems[robot] = problem
+        followed = Followed(belief, command, problem, self._setups[robot])
+        self._results.setdefault(tick, {})[robot] = followed
+        if len(self._results) > RESULTS_MAX:
+            del self._results[min(self._results)]
+
+    def take_back(self, tick: int, commands: Mapping[str, Command]) -> Believed:
+        """What each robot believed at a tick, and of which that is not known.
 
         ``commands``: those that the robots themselves gave, as far as they are there. Ticks are
         asked for in order; what was before is forgotten.
@@ -125,12 +146,12 @@ class LockStepBeliefs:
         if followed.problem is not None:
             return None, followed.problem
         if self._wrong_since[robot] == followed.since:
-            return None, "it decided otherwise than this program does"
+            return None, OTHERWISE
         if command is None or followed.command is None:
             return None, None
         if not same_decision(command, followed.command):
             self._wrong_since[robot] = followed.since
-            return None, "it decided otherwise than this program does"
+            return None, OTHERWISE
         return followed.belief, None
 
 

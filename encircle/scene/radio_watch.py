@@ -53,17 +53,7 @@ class RadioWatch:
 
     def ages(self, tick: int) -> tuple[tuple[int, ...], ...]:
         """``ages[receiver][sender]`` at a tick in ticks, -1 if nothing has arrived, own 0."""
-        return tuple(
-            [
-                tuple(
-                    [
-                        0 if sender == receiver else NEVER if sent < 0 else tick - sent
-                        for sender, sent in enumerate(row)
-                    ]
-                )
-                for receiver, row in enumerate(self._newest)
-            ]
-        )
+        return tuple([ages_of_row(own, row, tick) for own, row in enumerate(self._newest)])
 
     def delivery(self, tick: int) -> float | None:
         """The share delivered of the packets sent in the last ``DELIVERY_TICKS`` ticks."""
@@ -71,6 +61,16 @@ class RadioWatch:
             self._decided.popleft()
         sent = sum(packets for _, packets, _ in self._decided)
         return sum(delivered for _, _, delivered in self._decided) / sent if sent else None
+
+
+def ages_of_row(own: int, newest: Sequence[int], tick: int) -> tuple[int, ...]:
+    """One robot's ages at a tick, from when the newest packet it has of each robot was sent."""
+    return tuple(
+        [
+            0 if sender == own else NEVER if sent < 0 else tick - sent
+            for sender, sent in enumerate(newest)
+        ]
+    )
 
 
 def age_mean(
