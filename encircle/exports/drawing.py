@@ -37,6 +37,8 @@ that probability: 1 - exp(-r^2 / 2) of a Rayleigh distribution."""
 FAINT_TICKS = 20.0
 """A ghost this old has faded to a third."""
 MARK_M = 0.35
+LABELLED_ROBOTS_MAX = 16
+"""Ghosts of larger teams have no labels: there is no room for them."""
 LOST_OPACITY, SILENT_OPACITY = 0.25, 0.6
 
 
@@ -193,9 +195,10 @@ def _ghost(stage: Stage, peer: PeerBelief) -> Entity:
     shapes: list[Shape] = [circle(centre, stage.radius_m, colour, THIN_M, 0.45)]
     if peer.planned_with:
         shapes.append(Disc(centre, stage.radius_m, colour.faded(0.4 * opacity), 0.2))
-    text = f"{name}, {peer.age_ticks} ticks"
-    below = (peer.x, peer.y - stage.radius_m - 0.6)
-    shapes.append(Label(below, text, 0.5, role_colour("muted"), 0.5))
+    if len(stage.robots) <= LABELLED_ROBOTS_MAX:
+        below = (peer.x, peer.y - stage.radius_m - 0.6)
+        text = f"{name}, {peer.age_ticks} ticks"
+        shapes.append(Label(below, text, 0.5, role_colour("muted"), 0.5))
     return Entity(name, tuple(shapes))
 
 

@@ -7,7 +7,8 @@ senders; numbers under ``values``, ``distances_m`` and ``decisions``; ``modes`` 
 ``packets`` counts by fate; ``events`` as a text log; ``run`` as a document.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from encircle.exports.flights import Flights, fate_of
 from encircle.exports.rerun_blueprint import blueprint
 from encircle.exports.rerun_columns import RerunColumns
 from encircle.exports.shapes import Entity, Line
+from encircle.protocol.process.interrupts import check
 from encircle.scene.builder import scene_of_recording
 from encircle.scene.frame import Event, Frame
 from encircle.scene.stage import Stage
@@ -39,21 +41,37 @@ def export(recording: Recording, out: Path, *, beliefs: bool = True) -> None:
     ``RecordingError`` for a message that cannot be read.
     """
     scene = scene_of_recording(recording, beliefs)
-    stage, frames = scene.stage, scene.frames
-    stream = rr.RecordingStream(APPLICATION, recording_id=f"{stage.run}-{stage.seed}")
-    # What a run is does not depend on when it was exported.
+    with _strictly():
+        _write(scene.stage, scene.frames, out)
+
+
+@contextmanager
+def _strictly() -> Iterator[None]:
+    """Let Rerun raise an error for what it cannot write, of which it only warns by default."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
+
+
+def _write(stage: Stage, frames: Sequence[Frame], out: Path) -> None:
+    name = f"{stage.run}-{stage.seed}"
+    # When it was exported is nothing of the run.
+    stream = rr.RecordingStream(APPLICATION, recording_id=name, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.save(out, default_blueprint=blueprint(stage, frames))
     stream.send_recording_name(f"{stage.title}, seed {stage.seed}")
     stream.log("run", rr.TextDocument(description(stage), media_type="text/markdown"), static=True)
     columns = RerunColumns(stream, [frame.tick for frame in frames], stage.tick_s)
-    _send_scene(columns, stage, frames)
-    _send_truth(columns, stage, frames)
-    _send_numbers(columns, stage, frames)
-    _send_decisions(columns, stage, frames)
-    _send_packets(columns, stage, frames)
-    _send_events(columns, frames)
+    for send in (
+        *(_send_scene, _send_beliefs, _send_truth, _send_numbers, _send_decisions),
+        *(_send_packets, _send_events),
+    ):
+        check()
+        send(columns, stage, frames)
     stream.flush()
     stream.disconnect()
 
@@ -80,9 +98,13 @@ def _send_scene(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) ->
     columns.send_layer("scene/bodies", [drawing.bodies(stage, f) for f in frames])
     columns.send_layer("scene/plan", [drawing.plan(stage, f) for f in frames])
     columns.send_layer("scene/packets", [drawing.packets(flights.take(f)) for f in frames])
-    for k, robot in enumerate(stage.robots):
-        columns.send_layer(f"beliefs/{robot}", [drawing.beliefs(stage, f, k) for f in frames])
     columns.send_layer("trails", [_steps(stage, *pair) for pair in pairwise(frames)])
+
+
+def _send_beliefs(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
+    for k, robot in enumerate(stage.robots):
+        check()
+        columns.send_layer(f"beliefs/{robot}", [drawing.beliefs(stage, f, k) for f in frames])
 
 
 def _steps(stage: Stage, before: Frame, after: Frame) -> tuple[Entity, ...]:
@@ -136,7 +158,7 @@ def _send_packets(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) 
         columns.send_numbers(f"packets/{fate}", [row.count(fate) for row in fates])
 
 
-def _send_events(columns: RerunColumns, frames: Sequence[Frame]) -> None:
+def _send_events(columns: RerunColumns, _stage: Stage, frames: Sequence[Frame]) -> None:
     by_kind: dict[str, list[tuple[int, Event]]] = {}
     for row, frame in enumerate(frames):
         for event in frame.events:
