@@ -2,11 +2,11 @@
 
 A format is a row of ``FORMATS``: a function ``export(recording, out, *, ...)`` that writes to a
 path at which there is nothing yet. Its keyword-only arguments are the format's own options, set by
-``--option NAME=VALUE``.
+``--option NAME=VALUE``; those of videos have options of the command as well.
 """
 
 import json
-from argparse import ArgumentTypeError
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from inspect import Parameter, signature
@@ -55,7 +55,25 @@ FORMATS: dict[str, Format] = {
     "rosbag2": Format(
         "a ROS 2 bag of standard types", "encircle.exports.rosbag2_directory", "export", "-rosbag2"
     ),
+    "mp4": Format(
+        "a video for talks and pages", "encircle.exports.video", "export", ".mp4", "export_mp4"
+    ),
+    "gif": Format(
+        "an animation, smaller and coarser",
+        "encircle.exports.video",
+        "export",
+        ".gif",
+        "export_gif",
+    ),
 }
+VIDEO_OPTIONS = {
+    "fps": ("pictures per second; 30, of gif 12, if left out", "N"),
+    "speed": ("seconds of the run in a second; 1 if left out", "X"),
+    "size": ("pixels; 1280x720, of gif 800x450, if left out", "WxH"),
+    "belief": ("draw the world as this robot believes it, over the truth", "ROBOT"),
+    "theme": ("light, the default, or dark", "THEME"),
+}
+"""What they are for, and what their values are called in the help."""
 
 
 def main(arguments: Sequence[str], program: str) -> int:
@@ -73,7 +91,7 @@ def main(arguments: Sequence[str], program: str) -> int:
     check_new(out)
     with needing(f"--to {settings.to}", form.extra or None):
         export = getattr(import_module(form.module), form.function)
-        given = _own_options(options, export, settings.to, settings.option)
+        given = _own_options(options, export, settings.to, _own_texts(settings))
         recording = read_or_tell(settings.run)
         with signals_held(), made_whole(out) as unfinished:
             export(recording, unfinished, **given)
@@ -98,27 +116,42 @@ def _show(recording: "Recording", name: str, out: Path, as_json: bool) -> None:
 
 
 def _own_options(
-    options: Options, export: Callable[..., None], name: str, texts: Sequence[str]
+    options: Options, export: Callable[..., None], name: str, texts: Sequence[tuple[str, str]]
 ) -> dict[str, Any]:
-    """The format's own options as given; ends the command for one that it does not have."""
+    """The format's own options as given; ends the command for one that it does not have.
+
+    ``texts``: what was given on the command line, and ``NAME=VALUE`` that it stands for.
+    """
     known = {
         key: parameter
         for key, parameter in signature(export).parameters.items()
         if parameter.kind is Parameter.KEYWORD_ONLY
     }
     given = {}
-    for text in texts:
+    for shown, text in texts:
         key, equals, value = text.partition("=")
         key = key.strip()
         if not equals:
-            options.error(f"--option {text}: write NAME=VALUE")
+            options.error(f"{shown}: write NAME=VALUE")
         if key not in known:
-            options.error(f"--option {key}: --to {name} has {_listed(known, key)}")
+            options.error(f"{shown}: --to {name} has {_listed(known, key)}")
         try:
             given[key] = _value(value.strip(), known[key].annotation)
         except (ValueError, ArgumentTypeError) as error:
-            options.error(f"--option {text}: {error}")
+            options.error(f"{shown}: {error}")
     return given
+
+
+def _own_texts(settings: Namespace) -> list[tuple[str, str]]:
+    """The format's own options as ``NAME=VALUE``, each after what was given on the command line."""
+    texts = [(f"--option {text}", text) for text in settings.option]
+    given = {name: getattr(settings, name) for name in VIDEO_OPTIONS}
+    texts += [
+        (f"--{name} {value}", f"{name}={value}")
+        for name, value in given.items()
+        if value is not None
+    ]
+    return texts + [("--no-packets", "packets=no")] * settings.no_packets
 
 
 def _listed(known: Mapping[str, Parameter], key: str) -> str:
@@ -160,5 +193,8 @@ def _options(program: str) -> Options:
         metavar="PATH",
     )
     options.add_list("--option", "an option of the format; may be repeated", metavar="NAME=VALUE")
+    for name, (text, metavar) in VIDEO_OPTIONS.items():
+        options.add(f"--{name}", f"of videos: {text}", metavar=metavar)
+    options.add_flag("--no-packets", "of videos: draw no packets")
     options.add_flag("--json", "print one JSON object")
     return options
