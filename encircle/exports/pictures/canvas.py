@@ -112,7 +112,7 @@ class Canvas:
         ``align``: ``left``, ``centre`` or ``right`` of the words is there. ``halo``: with an
         outline of the background's colour, to stand over lines.
         """
-        if not text:
+        if not text.strip():
             return
         image = _text_image(text, size, colour, bold, self.background if halo else "", alpha)
         left = at[0] - _ANCHORS[align] * text_width(text, size, bold)
@@ -165,9 +165,12 @@ def rgba(colour: str, alpha: float = 1.0) -> tuple[float, float, float, float]:
 @lru_cache(maxsize=TEXTS_MAX)
 def text_width(text: str, size: float, bold: bool = False) -> float:
     """How wide words are, in pixels."""
-    path = _text_path(text, size, bold)
-    corners = np.asarray(path.vertices)
-    return float(corners[:, 0].max()) if len(corners) else 0.0
+    # Of blanks alone there is no shape.
+    return (
+        float(np.asarray(_text_path(text, size, bold).vertices)[:, 0].max())
+        if text.strip()
+        else 0.0
+    )
 
 
 def shortened(text: str, width: float, size: float, bold: bool = False) -> str:

@@ -32,7 +32,8 @@ def test_every_body_is_in_the_picture_at_every_tick(seed, ticks, step_m):
 
 def test_a_team_that_stays_where_it_is_has_a_still_camera():
     rng = np.random.default_rng(1)
-    positions = rng.uniform(-0.2, 0.2, (80, 3, 2)) + [[0.0, 0.0], [12.0, 0.0], [0.0, 9.0]]
+    corners = np.array([[0.0, 0.0], [12.0, 0.0], [0.0, 9.0]])
+    positions = corners + rng.uniform(-0.2, 0.2, (80, 3, 2))
     path = path_of(positions)
     assert np.ptp(path.scales) == 0.0
     assert np.ptp(path.centres, axis=0).max() == 0.0
