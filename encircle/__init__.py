@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from encircle.agents.policies.interface import Decision, Peer, Policy, View
     from encircle.protocol.process.interrupts import Interrupted
     from encircle.runner.hunts import Hunt, resume, run
+    from encircle.runner.interventions import Interventions
     from encircle.runner.launch import RunFailed, Timeouts
     from encircle.studies.plan import StudyError
     from encircle.studies.study import Study
     from encircle.studies.workers import StudyFailed
     from encircle.world.coordinator.result import Result
     from encircle.world.loading.files import shipped
+    from encircle.world.loading.interventions import InterventionRefused
     from encircle.world.loading.load import load
     from encircle.world.loading.remarks import ScenarioRemark, remarks_on
     from encircle.world.recording.run_directory import RunDirectoryError
@@ -33,6 +35,8 @@ __all__ = [
     "Decision",
     "Hunt",
     "Interrupted",
+    "InterventionRefused",
+    "Interventions",
     "Peer",
     "Policy",
     "Result",
@@ -61,6 +65,8 @@ _MODULE_OF = {
     **dict.fromkeys(("ScenarioRemark", "remarks_on"), "encircle.world.loading.remarks"),
     **dict.fromkeys(("Behaviour", "TargetView"), "encircle.world.targets.behaviours"),
     "Interrupted": "encircle.protocol.process.interrupts",
+    "InterventionRefused": "encircle.world.loading.interventions",
+    "Interventions": "encircle.runner.interventions",
     "Result": "encircle.world.coordinator.result",
     "RunDirectoryError": "encircle.world.recording.run_directory",
     "Scenario": "encircle.world.scenario.model",

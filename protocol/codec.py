@@ -19,7 +19,16 @@ import msgpack
 from encircle.protocol import VERSION
 from encircle.protocol.consistency import problem_of
 from encircle.protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
-from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+from encircle.protocol.messages import (
+    Command,
+    End,
+    Intervention,
+    Observation,
+    Pose,
+    Radio,
+    Setup,
+    State,
+)
 from encircle.protocol.wire.checks import are_plain_reports
 from encircle.protocol.wire.layout import Layout, layout_of
 from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, TEXT_MAX
@@ -34,9 +43,9 @@ from encircle.protocol.wire.packing import (
 from encircle.protocol.wire.payload import NOTHING_SAID
 from encircle.protocol.wire.payload import payload as checked_payload
 
-Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio
+Message: TypeAlias = Setup | Observation | Pose | Command | End | State | Radio | Intervention
 
-M = TypeVar("M", Setup, Observation, Pose, Command, End, State, Radio)
+M = TypeVar("M", Setup, Observation, Pose, Command, End, State, Radio, Intervention)
 
 BYTES_MAX: dict[type[Any], int] = {
     Setup: 64 * 1024,
@@ -46,6 +55,7 @@ BYTES_MAX: dict[type[Any], int] = {
     End: 1024,
     State: 256 * 1024,
     Radio: 1024 * 1024,
+    Intervention: 16 * 1024,
 }
 _LAYOUTS = {kind: layout_of(kind) for kind in BYTES_MAX}
 LEAN_BYTES_MAX = 64 * 1024

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from encircle.protocol.errors import UnknownKey
 
 ROBOT_CHANNELS = ("setup", "observation", "end", "pose", "command", "alive")
-WORLD_CHANNELS = ("state", "radio", "alive")
+WORLD_CHANNELS = ("state", "radio", "intervention", "alive")
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,31}")
 
 

@@ -353,6 +353,20 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
+class Intervention:
+    """World to recorders and anyone who looks on: an event that was given while the run goes on."""
+
+    tick: Annotated[Count, Field("the tick at which it was given")]
+    event: Annotated[
+        PlainMap,
+        Field(
+            "the event as a scenario has it under `events`, with the `tick` at which it takes"
+            " effect, without keys that have their defaults"
+        ),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
 class Radio:
     """World to anyone who looks on: the fate of each packet sent at a tick."""
 

@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
                 )
             resumed = rebuild(recording, log)
             scenario, settings.run, settings.out = (
-                recording.scenario,
+                recording.scenario_as_written,
                 recording.run,
                 settings.resume,
             )
@@ -81,6 +81,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
             settings.answer_timeout or ANSWER_S_MAX,
             settings.when_lost,
             settings.parent,
+            settings.control,
         )
         # A program that starts this world has shown them to its user already.
         remarks = [] if settings.parent else remarks_on(scenario)
@@ -101,6 +102,8 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
 
 def _check(options: Options, settings: argparse.Namespace) -> None:
     """See to it that one run is asked for."""
+    if settings.control and not settings.parent:
+        options.error("--control: goes with --parent")
     if settings.resume is not None:
         return
     for name in ("scenario", "run"):
@@ -166,6 +169,9 @@ def _options(program: str) -> Options:
     )
     options.add_flag("--json", "print what happens as JSON, one object a line, on standard output")
     options.add_flag("--parent", "end when standard input is closed")
+    options.add_flag(
+        "--control", "with --parent: take events from standard input, JSON objects, one a line"
+    )
     return options
 
 

@@ -1,7 +1,7 @@
 """What a person sees of a running hunt: a progress line on standard error, then a short table."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import timedelta
 from pathlib import Path
 from types import TracebackType
@@ -74,6 +74,11 @@ class Display:
             pids = ", ".join(f"{name} {pid}" for name, pid in report["started"].items())
             self._say(f"run {report['run']} at {report['endpoint']}")
             self._say(f"processes: {pids}")
+        elif "intervention" in report:
+            given, event = report["intervention"]["given"], report["intervention"]["event"]
+            self._say(f"tick {given}: intervention: {_event_text(event)}")
+        elif "refused_intervention" in report:
+            self._say(report["refused_intervention"])
         elif "departure" in report:
             tick, robot, what = report["departure"]
             policy = f" ({report['policy']})" if "policy" in report else ""
@@ -190,3 +195,8 @@ def _punctuality(hunt: Hunt) -> list[tuple[str, str]]:
         ("commands not in time", "; ".join(commands[:SHOWN_MAX]) + more or "none"),
         *([("packets superseded", f"{superseded}")] if superseded else []),
     ]
+
+
+def _event_text(event: Mapping[str, Any]) -> str:
+    """An event as its scenario's file would have it, in one line."""
+    return ", ".join(f"{key} = {value}" for key, value in event.items())

@@ -14,17 +14,20 @@ import numpy as np
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
 from encircle.protocol.errors import ProtocolError
-from encircle.protocol.keys import robot_key
+from encircle.protocol.keys import WORLD_CHANNELS, robot_key
 from encircle.protocol.messages import Command, End, Observation, Radio, State
 from encircle.runlog.runlog import Belief, Rounds, RunLog, belief_of, log_of
 from encircle.world.arena.engine import Arena, build, initial, truth
+from encircle.world.loading.interventions import as_played
 from encircle.world.recording.recording import Recording, RecordingError
+from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
 
 def log_of_recording(recording: Recording) -> RunLog:
     """The log of a recorded run; raises as ``log_of_messages``."""
-    return log_of_messages(recording.scenario, recording.seed, recording.run, recording.messages)
+    scenario = recording.scenario_as_written
+    return log_of_messages(scenario, recording.seed, recording.run, recording.messages)
 
 
 def log_of_messages(
@@ -32,6 +35,7 @@ def log_of_messages(
 ) -> RunLog:
     """The log of a run from its messages ``(tick, topic, payload)``, in their order.
 
+    ``scenario``: as the run began; the log's is as played, with recorded interventions.
     Raises ``RecordingError`` for messages that cannot be read, and if this program's robots would
     not have sent the recorded commands: what the real ones believed is then unknown.
     """
@@ -44,7 +48,7 @@ def log_of_messages(
     for tick, topic, payload in messages:
         try:
             builder.take(tick, topic, payload)
-        except ProtocolError as error:
+        except (ProtocolError, ScenarioError) as error:
             raise RecordingError(f"{topic} of tick {tick}: {error}") from None
     return builder.log()
 
@@ -69,7 +73,7 @@ class _LogBuilder:
         """Take one message in."""
         prefix, _, channel = topic.rpartition("/")
         robot = prefix.rpartition("/")[2]
-        if robot not in (("world",) if channel in ("state", "radio") else self.cores):
+        if robot not in (("world",) if channel in WORLD_CHANNELS else self.cores):
             raise RecordingError(f"{topic} of tick {tick}: the team is {', '.join(self.cores)}")
         if channel == "state":
             state = self.states[tick] = decode(State, payload, self.run)
@@ -81,6 +85,8 @@ class _LogBuilder:
             radio = self.radios[tick] = decode(Radio, payload, self.run)
             if len(radio.fates) != len(self.cores):
                 raise RecordingError(f"{topic} of tick {tick}: is of another team")
+        elif channel == "intervention":
+            self.scenario = as_played(self.scenario, payload, self.run)
         elif channel == "end":
             self.ended = decode(End, payload, self.run).reason
         elif channel == "command":

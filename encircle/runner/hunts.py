@@ -1,5 +1,6 @@
 """One hunt from start to end, over either link: what ``encircle run`` and the Python API do."""
 
+import json
 import secrets
 import tempfile
 import time
@@ -16,6 +17,7 @@ from encircle.protocol.process.log import bounded_log
 from encircle.protocol.process.tracebacks import failure_line
 from encircle.runner.links import LINKS
 from encircle.world.coordinator.result import GO_ON, WHEN_LOST, Result
+from encircle.world.loading.interventions import InterventionRefused, table_of
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import ScenarioRemark, remarks_on
 from encircle.world.recording.recorder import RecordingStopped
@@ -29,6 +31,7 @@ from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
 if TYPE_CHECKING:
+    from encircle.runner.interventions import Interventions
     from encircle.runner.launch import Timeouts
     from encircle.world.coordinator.world_core import WorldCore
     from encircle.world.recording.resuming import Resumed
@@ -92,6 +95,7 @@ def run(
     start_order: Sequence[str] | None = None,
     when_lost: str = GO_ON,
     timeouts: "Timeouts | None" = None,
+    interventions: "Interventions | None" = None,
 ) -> Hunt:
     """Run one hunt and wait for its end.
 
@@ -100,7 +104,10 @@ def run(
     ``out``: a directory for recording and summary, which must be new or empty; none by default.
     ``progress`` is called now and then with ``{"tick", "distances_m"}``. ``when_lost``: whether the
     run is to ``go-on`` without a robot whose process is lost, or to ``end``. ``timeouts``: how long
-    processes are waited for, ``encircle.runner.launch.TIMEOUTS`` if left out.
+    processes are waited for, ``encircle.runner.launch.TIMEOUTS`` if left out. ``interventions``:
+    a queue of events that are given to the run while it goes on, from any thread; ``progress`` is
+    told what became of each: ``{"intervention": {"given", "event"}}`` with the tick, or
+    ``{"refused_intervention"}`` with why.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
     unusable directory and ``RunFailed`` if the run does not come to its end; in memory
@@ -124,11 +131,13 @@ def run(
     try:
         with signals_held():
             if link == "memory":
-                result, timing, processes = _in_memory(loaded, name, directory, tell)
+                result, timing, processes = _in_memory(
+                    loaded, name, directory, tell, interventions=interventions
+                )
             else:
                 order = start_order or ["world", *loaded.ids]
                 result, timing = _as_processes(
-                    loaded, name, directory, tell, order, when_lost, timeouts
+                    loaded, name, directory, tell, order, when_lost, timeouts, interventions
                 )
                 processes = len(order)
     finally:
@@ -147,11 +156,13 @@ def resume(
     progress: Callable[[dict[str, Any]], None] | None = None,
     when_lost: str = GO_ON,
     timeouts: "Timeouts | None" = None,
+    interventions: "Interventions | None" = None,
 ) -> Hunt:
     """Go on with a run that broke off, where its recording in ``directory`` ends, to its end.
 
     The recording becomes whole; what it was is kept beside it. ``link``, ``progress``,
-    ``when_lost`` and ``timeouts``: as for ``run``, and the link may be another. Raises
+    ``when_lost``, ``timeouts`` and ``interventions``: as for ``run``, and the link may be another.
+    Interventions that are recorded are played again by themselves. Raises
     ``RunDirectoryError`` if there is nothing to go on with, or if what is recorded is not what this
     program comes to; then nothing has been changed. ``RunFailed`` as for ``run``.
     """
@@ -163,16 +174,18 @@ def resume(
     begun = time.perf_counter()
     with signals_held():
         resumed = rebuild(read_last(run_directory), bounded_log())
-        scenario, name = resumed.core.arena.scenario, resumed.core.run
+        scenario, name = resumed.core.rounds.written, resumed.core.run
         if link == "memory" or resumed.core.ended is not None:
-            result, timing, processes = _in_memory(scenario, name, run_directory, tell, resumed)
+            result, timing, processes = _in_memory(
+                scenario, name, run_directory, tell, resumed, interventions
+            )
         else:
             from encircle.runner.launch import run_processes
 
             arguments = ["--resume", str(run_directory), "--when-lost", when_lost]
             order = ["world", *scenario.ids]
             result, timing = run_processes(
-                arguments, scenario.ids, name, tell, order, run_directory, timeouts
+                arguments, scenario.ids, name, tell, order, run_directory, timeouts, interventions
             )
             processes = len(order)
     wall_s = time.perf_counter() - begun
@@ -198,6 +211,7 @@ def _in_memory(
     directory: Path | None,
     tell: Callable[[dict[str, Any]], None],
     resumed: "Resumed | None" = None,
+    interventions: "Interventions | None" = None,
 ) -> tuple[Result, dict[str, Any], int]:
     from encircle.runner.launch import RunFailed
     from encircle.runner.memory import RunEndedByPlugin, run_in_memory
@@ -213,6 +227,8 @@ def _in_memory(
     def progress(world: "WorldCore") -> None:
         nonlocal reported_s, reported
         check(f" at tick {world.state.tick}")
+        if interventions is not None:
+            _intervene(world, interventions, tell)
         departures = world.rounds.departures
         for departure in departures[reported:]:
             tell({"departure": list(departure.row)})
@@ -242,6 +258,19 @@ def _in_memory(
     return result, timing, 1
 
 
+def _intervene(
+    world: "WorldCore", interventions: "Interventions", tell: Callable[[dict[str, Any]], None]
+) -> None:
+    """Give the run what has been waiting for it."""
+    for line in interventions.take():
+        try:
+            event = world.intervene(json.loads(line))
+        except InterventionRefused as refused:
+            tell({"refused_intervention": str(refused)})
+        else:
+            tell({"intervention": {"given": world.state.tick, "event": table_of(event)}})
+
+
 def _as_processes(
     scenario: Scenario,
     name: str,
@@ -250,6 +279,7 @@ def _as_processes(
     order: Sequence[str],
     when_lost: str,
     timeouts: "Timeouts | None",
+    interventions: "Interventions | None",
 ) -> tuple[Result, dict[str, Any]]:
     from encircle.runner.launch import run_processes
 
@@ -259,7 +289,9 @@ def _as_processes(
         path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
         arguments = [str(path), *(["--out", str(directory)] if directory else [])]
         arguments += ["--when-lost", when_lost]
-        return run_processes(arguments, scenario.ids, name, tell, order, directory, timeouts)
+        return run_processes(
+            arguments, scenario.ids, name, tell, order, directory, timeouts, interventions
+        )
 
 
 def default_directory(scenario_name: str, seed: int) -> Path:

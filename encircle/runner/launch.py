@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from encircle.protocol.endings import failure_of, is_failure
 from encircle.protocol.process.interrupts import signals_to
 from encircle.protocol.process.log import KINDS_VARIABLE, LineKind, kind_and_text, printable
 from encircle.protocol.programs.options import without_settings
+from encircle.runner.interventions import Interventions
 from encircle.runner.nodes import Node, NodesLost, abandon, fork_server
 from encircle.world.coordinator.result import Result
 from encircle.world.scenario.errors import ScenarioError
@@ -83,14 +85,16 @@ def run_processes(
     start_order: Sequence[str] | None = None,
     directory: Path | None = None,
     timeouts: Timeouts | None = None,
+    interventions: Interventions | None = None,
 ) -> tuple[Result, dict[str, Any]]:
     """Run a hunt with one process per robot; returns its result and timings.
 
     ``world_arguments``: scenario and options for ``python -m encircle.world``. ``report`` gets the
     world's reports, and ``{"started": {name: pid}, "run": name, "endpoint": endpoint}`` first.
-    ``start_order`` is for tests; ``directory``: that of the run, if any. Raises ``RunFailed``.
+    ``start_order`` is for tests; ``directory``: that of the run, if any. ``interventions``: given
+    to the world by its standard input. Raises ``RunFailed``.
     """
-    launch = _Launch(run, robots, report, directory, timeouts or TIMEOUTS)
+    launch = _Launch(run, robots, report, directory, timeouts or TIMEOUTS, interventions)
     with signals_to(launch.interrupt):
         try:
             outcome = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
@@ -109,8 +113,11 @@ class _Launch:
         report: Callable[[dict[str, Any]], None],
         directory: Path | None,
         timeouts: Timeouts,
+        interventions: Interventions | None,
     ) -> None:
         self.name = run
+        self._interventions = interventions
+        self._control: asyncio.WriteTransport | None = None
         self.robots = robots
         self.robot_options = ["--tracebacks", str(directory)] if directory is not None else []
         self.report = report
@@ -147,6 +154,8 @@ class _Launch:
                 self.report({"started": pids, "run": self.name, "endpoint": self.endpoint})
                 await self._follow()
         finally:
+            if self._interventions is not None:
+                self._interventions.on_given(None)
             await self._stop_all()
             self._pipes.close()
         return None if self.interrupted else self._outcome()
@@ -156,6 +165,7 @@ class _Launch:
             program = "encircle.world"
             options = [*world_arguments, "--listen", self.endpoint, "--parent", "--json"]
             options += ["--answer-timeout", f"{self.timeouts.answer_s_max}"]
+            options += ["--control"] if self._interventions is not None else []
         else:
             program = "encircle.agents"
             options = [name, "--connect", self.endpoint, "--quiet", *self.robot_options]
@@ -166,7 +176,7 @@ class _Launch:
             streams = (nothing, nothing, errors)
             if name == "world":
                 output, self._reports = await self._output(theirs)
-                streams = (self._input(theirs), output, errors)
+                streams = (await self._input(theirs), output, errors)
             start = self._server.start(program, options, streams, self._environment)
         # The fork server may be busy with its imports for some time.
         started = asyncio.wrap_future(start)
@@ -182,12 +192,27 @@ class _Launch:
         if not self.interrupted:
             raise RunFailed(f"the process of {name} was not there within {s_max:g} s")
 
-    def _input(self, theirs: ExitStack) -> int:
+    async def _input(self, theirs: ExitStack) -> int:
         """A pipe's end for reading; the other one is this process's, as long as the run lasts."""
         read, write = os.pipe()
-        self._pipes.callback(os.close, write)
         theirs.callback(os.close, read)
+        if self._interventions is None:
+            self._pipes.callback(os.close, write)
+            return read
+        assert self._loop is not None
+        file = open(write, "wb", buffering=0)  # noqa: SIM115  # the transport closes it
+        self._control, _ = await self._loop.connect_write_pipe(asyncio.Protocol, file)
+        self._pipes.callback(self._control.close)
+        self._interventions.on_given(partial(self._loop.call_soon_threadsafe, self._hand_over))
+        self._hand_over()
         return read
+
+    def _hand_over(self) -> None:
+        """Hand the interventions that wait to the world; those for a run that is over are lost."""
+        if self._interventions is None or self._control is None or self._control.is_closing():
+            return
+        lines = "".join(f"{line}\n" for line in self._interventions.take())
+        self._control.write(lines.encode())
 
     async def _output(self, theirs: ExitStack) -> tuple[int, asyncio.StreamReader]:
         """A pipe's end for writing, and what is read at the other one."""
@@ -327,7 +352,13 @@ class _Launch:
         extra = {key: self.result.pop(key) for key in timing if key in self.result}
         distances_m = tuple(self.result.pop("distances_m"))
         departures = tuple((t, robot, what) for t, robot, what in self.result.pop("departures"))
-        result = Result(distances_m=distances_m, departures=departures, **self.result)
+        interventions = tuple(self.result.pop("interventions"))
+        result = Result(
+            distances_m=distances_m,
+            departures=departures,
+            interventions=interventions,
+            **self.result,
+        )
         if (reason := failure_of(result.ended)) is not None:
             if failure := self._failure_of_plugins():
                 # Its world waits where it was, but the same would happen again.

@@ -27,7 +27,7 @@ AUTHORITY, WORLD, ROUTER, VIEWER = "authority", "world", "router", "viewer"
 FROM_ROBOTS, TO_ROBOTS, SHOWN = (
     ("pose", "command"),
     ("setup", "observation", "end"),
-    ("state", "radio"),
+    ("state", "radio", "intervention"),
 )
 """Channels of what robots say, of what the world says to them, and of what it shows to viewers."""
 TEAM_MAX = 256

@@ -22,7 +22,7 @@ ROUND, SURE, VIEWERS = "data_high", "interactive_low", "data_low"
 knows nothing of lanes sends by Zenoh's default, ``data``, and cannot crowd out a round."""
 SENT_ONCE = ("/setup", "/end")
 """Messages that are not sent again, and so are never dropped."""
-FOR_VIEWERS = ("/state", "/radio")
+FOR_VIEWERS = ("/state", "/radio", "/intervention")
 BATCHES_MAX = 16
 """What may wait to be sent on each lane of a connection, in Zenoh's batches of 64 KiB; with Zenoh's
 own 2, a busy processor is enough to fill it."""

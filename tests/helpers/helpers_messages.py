@@ -3,7 +3,16 @@
 from typing import Any
 
 from encircle.protocol.codec import Message
-from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+from encircle.protocol.messages import (
+    Command,
+    End,
+    Intervention,
+    Observation,
+    Pose,
+    Radio,
+    Setup,
+    State,
+)
 from encircle.protocol.wire.declaration import declared_fields
 from encircle.protocol.wire.payload import FrozenMap
 
@@ -49,6 +58,7 @@ SAMPLES: dict[type[Any], Message] = {
     End: End("r1", 9, "captured"),
     State: State(5, ((0.0, 1.0),), (0.5,), (2.0, 3.0), False, (("r1", "target"),)),
     Radio: Radio(4, ((0, 5), (-2, 0)), ((0, 7), (0, 0))),
+    Intervention: Intervention(6, {"kind": "loss", "tick": 7, "rate": 0.5}),
 }
 
 
@@ -111,4 +121,7 @@ GOLDEN = {
     Radio: """
         85 a176 04 a372756e a26731 a47469636b 04 a56661746573 92920005 92fe00
         a6636f70696573 92920007 920000""",
+    Intervention: """
+        84 a176 04 a372756e a26731 a47469636b 06
+        a56576656e74 83 a46b696e64 a46c6f7373 a47469636b 07 a472617465 cb3fe0000000000000""",
 }

@@ -18,6 +18,7 @@ from encircle.protocol.messages import (
     QUANTUM_M,
     Command,
     End,
+    Intervention,
     Observation,
     Pose,
     Radio,
@@ -44,6 +45,7 @@ KINDS: dict[str, type[Any]] = {
     "end": End,
     "state": State,
     "radio": Radio,
+    "intervention": Intervention,
 }
 
 

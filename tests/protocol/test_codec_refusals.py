@@ -21,7 +21,16 @@ from encircle.protocol.errors import (
     WrongRun,
     WrongVersion,
 )
-from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+from encircle.protocol.messages import (
+    Command,
+    End,
+    Intervention,
+    Observation,
+    Pose,
+    Radio,
+    Setup,
+    State,
+)
 from encircle.protocol.wire.declaration import declared_fields
 
 TEXT = (5, None, b"r1", ["r1"], True, "x" * 257)
@@ -230,6 +239,7 @@ WRONG: dict[type[Any], dict[str, tuple[Any, ...]]] = {
             *(*NO_FATES, [[0, -1], [0, 0]]),
         ),
     },
+    Intervention: {"tick": COUNT, "event": NOT_PLAIN},
 }
 WRONG_BY_TYPE = {
     "text": TEXT,

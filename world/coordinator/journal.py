@@ -1,19 +1,20 @@
 """The journal of a run: the digest of all that happens, what is to be recorded of it, and counts.
 
 The digest covers the truth at every tick, every packet's fate, every pose and command in robot
-order, and so which robots were lost, and the setups of robots that are back. It covers neither the
-run's name nor how or in which order anything arrived.
+order, and so which robots were lost, the setups of robots that are back, and interventions. It
+covers neither the run's name nor how or in which order anything arrived.
 
 Nobody waits for the journal. What happens is noted at once; ``commit`` digests and records it, and
 is called when there is time.
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from encircle.protocol.codec import body_of, encode
 from encircle.protocol.keys import robot_key, world_key
+from encircle.protocol.messages import Intervention
 from encircle.world.arena import engine
 from encircle.world.arena.engine import Arena, ArenaState
 from encircle.world.channel.channel import Fates
@@ -38,8 +39,8 @@ class Journal:
     """The journal of one run.
 
     ``record`` gets every message of the run, if it is set. ``publishes``: whether ``commit``
-    returns state and radio of every tick, for viewers. ``pending``: what is not committed yet;
-    ``hash``: what was committed so far.
+    returns state and radio of every tick, for viewers; interventions it returns always.
+    ``pending``: what is not committed yet; ``hash``: what was committed so far.
     """
 
     def __init__(self, arena: Arena, run: str, record: Record | None = None) -> None:
@@ -51,7 +52,8 @@ class Journal:
         self._arena = arena
         self._run = run
         self._state_key = world_key(run, "state")
-        self._shown = (self._state_key, world_key(run, "radio"))
+        self._intervention_key = world_key(run, "intervention")
+        self._shown = (self._state_key, world_key(run, "radio"), self._intervention_key)
         header = digest_header(arena.scenario, arena.seed)
         self.hash = hashlib.blake2b(header.encode(), digest_size=16)
 
@@ -74,6 +76,12 @@ class Journal:
         truth = state.positions[:moving].tobytes() + bytes([state.captured])
         returned = [body_of(payload, self._run) for _, payload in setups]
         self.pending.append(Entry(state.tick, [truth, *returned], messages))
+
+    def note_intervention(self, tick: int, event: Mapping[str, Any]) -> None:
+        """Note an event that was given at a tick, in whose round it stands before the answers."""
+        payload = encode(Intervention(tick, event), self._run)
+        message = (self._intervention_key, payload)
+        self.pending.append(Entry(tick, [body_of(payload, self._run)], [message]))
 
     def note_answers(self, tick: int, fates: Fates, answers: Sequence[Answer]) -> None:
         """Note the answers of a round, in robot order, and what becomes of their packets."""

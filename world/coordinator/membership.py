@@ -96,6 +96,11 @@ class Membership:
             self.departures.append(Departure(tick, robot, cause, detail))
         return owes_answer
 
+    def add_event(self, event: object) -> None:
+        """An event more, of a tick that has not begun."""
+        if isinstance(event, Crash):
+            self._crashes.append(event)
+
     def open_round(self, tick: int) -> list[str]:
         """Ask the robots that are present at a tick; returns those that are back, robot order."""
         crashed = {event.robot for event in self._crashes if is_crashed(event, tick)}

@@ -10,8 +10,9 @@ The caller gives all times, in us of the world's clock. Runs by the clock differ
 the digest only tells whether two are the same one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from encircle.protocol.codec import decode_pose
 from encircle.protocol.errors import ProtocolError
@@ -27,6 +28,7 @@ from encircle.world.coordinator.round_engine import RoundEngine
 from encircle.world.network.message_ledger import MessageLedger
 from encircle.world.scenario.channel_events import Change, Cut
 from encircle.world.scenario.channel_model import ChannelModel
+from encircle.world.scenario.model import Event
 
 
 class RealTimeWorldCore:
@@ -42,7 +44,6 @@ class RealTimeWorldCore:
         self, arena: Arena, run: str, log: Callable[[str], None] = lambda _line: None
     ) -> None:
         scenario = arena.scenario
-        self.arena = arena
         self.run = run
         self.rounds = RoundEngine(arena, run, log)
         self.answers = RealTimeAnswers(arena.ids, run, scenario.team.hold_ticks_max)
@@ -51,6 +52,11 @@ class RealTimeWorldCore:
         self.clock: Callable[[], int] | None = None
         self.arrivals = Arrivals(self.rounds.table, self.answers, self.ledger, run)
         self._perfect = has_perfect_channel(arena)
+
+    @property
+    def arena(self) -> Arena:
+        """The constants of the run, with all events that were given so far."""
+        return self.rounds.arena
 
     @property
     def state(self) -> ArenaState:
@@ -75,6 +81,13 @@ class RealTimeWorldCore:
         """A robot is lost; there is nothing to send before the tick ends."""
         self.rounds.leave(robot, cause, detail)
         return []
+
+    def intervene(self, given: Mapping[str, Any]) -> Event:
+        """Give the run an event, as ``RoundEngine.intervene``."""
+        event = self.rounds.intervene(given)
+        # From the next observation on robots are told which packets the channel admits.
+        self._perfect = has_perfect_channel(self.arena)
+        return event
 
     def begin(self) -> Outgoing:
         """The first observations, once every robot has joined."""

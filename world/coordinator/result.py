@@ -1,6 +1,8 @@
 """The result of a run."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 GO_ON, END = "go-on", "end"
 WHEN_LOST = (GO_ON, END)
@@ -12,7 +14,8 @@ class Result:
     """The result of a run. ``packets_lost`` counts by cause; distances in m, robot order.
 
     ``departures``: (tick, robot, what) of robots that were lost, ``lost: `` and why, or came
-    ``back``, as it happened.
+    ``back``, as it happened. ``interventions``: the events that were given while it went on, as a
+    scenario's file has them.
 
     A packet is one pose on one directed link. Sent and copied (by the radio) together are lost,
     delivered and in flight together.
@@ -40,3 +43,4 @@ class Result:
     refused: dict[str, int]
     digest: str
     departures: tuple[tuple[int, str, str], ...] = ()
+    interventions: tuple[Mapping[str, Any], ...] = ()

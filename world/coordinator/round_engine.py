@@ -10,6 +10,7 @@ and asked again. Which robots the scenario itself takes away follows from the ti
 """
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,13 @@ from encircle.world.coordinator.journal import Journal
 from encircle.world.coordinator.membership import DepartureCause, Membership
 from encircle.world.coordinator.outgoing import OpenRound, Outgoing, end_messages, setup_message
 from encircle.world.coordinator.result import Result
+from encircle.world.loading.interventions import (
+    INTERVENTIONS_MAX,
+    InterventionRefused,
+    event_of,
+    table_of,
+)
+from encircle.world.scenario.model import Event
 
 Completion = Callable[[OpenRound], list[Observation]]
 """Gives the observations of a round that is being opened what the engine does not know of."""
@@ -35,6 +43,8 @@ class RoundEngine:
     """One run. ``ended`` holds the reason once it is over.
 
     ``table``: which robot has been asked and has answered; ``open_round``: what they were asked;
+    ``arena``: as the scenario has been played so far; ``written``: the scenario as the run began;
+    ``interventions``: the events that were given since.
     ``refused``: counts by cause; ``departures``: which robots were lost and came back so far;
     ``fates``: of the packets of the round before, None in the first. ``plugin_failure``: how a
     plug-in of this process has ended the run, if one has.
@@ -42,6 +52,8 @@ class RoundEngine:
 
     def __init__(self, arena: engine.Arena, run: str, log: Callable[[str], None]) -> None:
         self.arena = arena
+        self.written = arena.scenario
+        self.interventions: list[Event] = []
         self.run = run
         self.table = LockStep(arena.ids)
         self.members = Membership(self.table, arena.scenario.events)
@@ -78,6 +90,27 @@ class RoundEngine:
         if self.ended is not None:
             return False
         return self.members.leave(robot, self.state.tick, cause, detail)
+
+    def intervene(self, given: Mapping[str, Any]) -> Event:
+        """Give the run an event, as a scenario's file has it, from the next tick on or a later one.
+
+        All goes on as if the scenario had had it from the start. ``InterventionRefused`` if it
+        makes no sense or comes at the wrong time; then nothing has changed.
+        """
+        if self.table.tick < 0 or self.ended is not None:
+            when = "has not begun" if self.table.tick < 0 else "is over"
+            raise InterventionRefused(f"intervention: the run {when}")
+        if len(self.interventions) >= INTERVENTIONS_MAX:
+            raise InterventionRefused(
+                f"intervention: the run has had {INTERVENTIONS_MAX} of them, which is the most"
+            )
+        event = event_of(given, self.arena.scenario, self.state.tick)
+        # It is of a later tick, so that nothing of the open round depends on it.
+        self.arena = engine.with_event(self.arena, event)
+        self.members.add_event(event)
+        self.interventions.append(event)
+        self.journal.note_intervention(self.state.tick, table_of(event))
+        return event
 
     def next_round(
         self, answers: Mapping[str, Answer], complete: Completion | None = None
@@ -185,6 +218,7 @@ class RoundEngine:
             dict(sorted(self.refused.items())),
             self.journal.digest,
             tuple(departure.row for departure in self.departures),
+            tuple(map(table_of, self.interventions)),
         )
 
     def first_setups(self) -> tuple[bytes, ...]:

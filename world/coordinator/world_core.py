@@ -9,7 +9,8 @@ The journal (``rounds.commit()``) is work that nobody waits for; call it after t
 messages were sent.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.lockstep import Move
@@ -21,6 +22,7 @@ from encircle.world.coordinator.journal import Record
 from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.outgoing import Outgoing
 from encircle.world.coordinator.round_engine import RoundEngine
+from encircle.world.scenario.model import Event
 
 
 class WorldCore:
@@ -36,11 +38,15 @@ class WorldCore:
         log: Callable[[str], None] = lambda _line: None,
         record: Record | None = None,
     ) -> None:
-        self.arena = arena
         self.run = run
         self.rounds = RoundEngine(arena, run, log)
         self.rounds.journal.record = record
         self.answers: dict[str, Answer] = {}
+
+    @property
+    def arena(self) -> Arena:
+        """The constants of the run, with all events that were given so far."""
+        return self.rounds.arena
 
     @property
     def state(self) -> ArenaState:
@@ -72,6 +78,10 @@ class WorldCore:
             if self.rounds.table.complete:
                 return self._next_round()
         return []
+
+    def intervene(self, given: Mapping[str, Any]) -> Event:
+        """Give the run an event, as ``RoundEngine.intervene``."""
+        return self.rounds.intervene(given)
 
     def begin(self) -> Outgoing:
         """The first observations, once every robot has joined."""

@@ -57,9 +57,17 @@ def problems_of_radio(
     limit = channel.rate_limit
     if limit is not None and limit.packets_per_s is None and limit.bytes_per_s is None:
         problems.append("channel.rate_limit: give packets_per_s, bytes_per_s or both")
-    for index, event in enumerate(events):
+    return problems + problems_of_events(events, ids)
+
+
+def problems_of_events(events: Sequence[object], ids: Sequence[str], since: int = 0) -> list[str]:
+    """Contradictions in the events that concern the radio; only in those from a place on."""
+    problems: list[str] = []
+    for index, event in enumerate(events[since:], since):
         problems += _event(f"events.{index}", event, ids)
-    return problems + _crashes(events)
+    return problems + (
+        _crashes(events) if any(isinstance(e, Crash) for e in events[since:]) else []
+    )
 
 
 def _of_model(key: str, model: Loss | Delay | None) -> list[str]:

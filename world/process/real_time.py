@@ -27,11 +27,13 @@ def run_real_time(
     connection: Connection,
     act: Act,
     answer_s_max: float,
+    on_begun: Callable[[], None] = lambda: None,
 ) -> DeadlineStatistics:
     """Run the hunt until it ends or the connection is closed; returns how punctual it was.
 
     ``act`` makes a change to the core and sends the messages that result. A robot from which
-    nothing arrives for ``answer_s_max`` is lost.
+    nothing arrives for ``answer_s_max`` is lost. ``on_begun`` is called once the first round is
+    open.
     """
     connection.drop_when_congested()
     mail, punctuality = Mailbox(), DeadlineStatistics()
@@ -48,6 +50,7 @@ def run_real_time(
 
     core.clock = now_us
     act(begin)
+    on_begun()
     start_s, slot = time.monotonic(), 0
     try:
         while core.ended is None:

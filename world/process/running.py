@@ -88,14 +88,25 @@ async def _served(
         server.record_with(recorder)
     core.rounds.journal.publishes = True
     if options.parent:
-        reader = asyncio.get_running_loop().add_reader
-        reader(sys.stdin.fileno(), server.stop, "its starter is gone")
+        _follow_starter(server)
     server.report({"listening" if endpoints.listen else "connected": str(endpoints)})
     if not options.parent:
         kept = f"recording into {out}" if out else "recording nothing: --runs DIR would"
         names = ", ".join(core.arena.ids)
         say_error(f"world: run {core.run} at {endpoints}, {kept}; waiting for {names}")
     return await server.serve()
+
+
+def _follow_starter(server: Server) -> None:
+    """Watch standard input: it closes when the program that started this world is gone."""
+    loop, descriptor = asyncio.get_running_loop(), sys.stdin.fileno()
+
+    def readable() -> None:
+        if not (server.options.control and server.control.readable(descriptor)):
+            loop.remove_reader(descriptor)
+            server.stop("its starter is gone")
+
+    loop.add_reader(descriptor, readable)
 
 
 def _recorder(out: Path | None, arena: Arena, run: str, resumed: Resumed | None) -> Recorder | None:
@@ -125,7 +136,7 @@ def _finish(server: Server, ended: str, out: Path | None, recorder: Recorder | N
     elif recorder is not None and out is not None:
         try:
             with contextlib.closing(recorder):
-                write_summary(out, core.arena.scenario, result, core.run, extra | transport)
+                write_summary(out, core.rounds.written, result, core.run, extra | transport)
         except RecordingStopped as error:
             if not is_failure(ended):
                 result = replace(result, ended=failure_reason(str(error)))

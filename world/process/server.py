@@ -22,6 +22,7 @@ from encircle.world.coordinator.failure_detector import FailureDetector
 from encircle.world.coordinator.real_time_core import RealTimeWorldCore
 from encircle.world.coordinator.result import GO_ON
 from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.process.control_input import ControlInput
 from encircle.world.process.core_access import CoreAccess
 from encircle.world.process.departure_reports import DepartureReports
 from encircle.world.process.description import description_answer
@@ -45,13 +46,15 @@ class WorldOptions:
     """Limits of a world: ``join_s_max`` and ``answer_s_max``, how long it waits for robots, in s.
 
     ``when_lost``: whether the run goes on without a lost robot, or ends. ``parent``: end when
-    standard input does, so that no world outlives the program that started it.
+    standard input does, so that no world outlives the program that started it. ``control``: take
+    interventions from there.
     """
 
     join_s_max: float = JOIN_S_MAX
     answer_s_max: float = ANSWER_S_MAX
     when_lost: str = GO_ON
     parent: bool = False
+    control: bool = False
 
 
 def run_rounds(core: WorldCore, connection: Connection) -> None:
@@ -107,6 +110,7 @@ class Server:
             on_ended=lambda: self._loop.call_soon_threadsafe(self._ended.set),
             on_failure=lambda reason: self._loop.call_soon_threadsafe(self.stop, reason),
         )
+        self.control = ControlInput(core, self._access, report_to)
         self._joining = Joining(self._failure_detector, self._access, connection, report_to)
         self._departures = DepartureReports(
             core.rounds, connection, report_to, options.answer_s_max
@@ -211,10 +215,16 @@ class Server:
         core, detector, access = self.core, self._failure_detector, self._access
         if isinstance(core, RealTimeWorldCore):
             self.punctuality = run_real_time(
-                core, detector, self.connection, access.change, self.options.answer_s_max
+                core,
+                detector,
+                self.connection,
+                access.change,
+                self.options.answer_s_max,
+                self.control.begin,
             )
             return
         access.change(detector.begin)
+        self.control.begin()
         with contextlib.suppress(ConnectionClosed):
             while core.ended is None:
                 message = self.connection.receive()

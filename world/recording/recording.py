@@ -20,11 +20,13 @@ from encircle.protocol.codec import M, decode
 from encircle.protocol.errors import ProtocolError, UnknownKey
 from encircle.protocol.keys import check_name, parse_key
 from encircle.protocol.wire.earlier_versions import upgraded
+from encircle.world.loading.interventions import as_played
 from encircle.world.loading.load import load
 from encircle.world.recording.run_directory import RECORDING, RunDirectoryError
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
+INTERVENTION = "world/intervention"
 UNREADABLE = (
     *(McapError, EOFError, ValueError, KeyError, struct.error),
     # A length that is not one.
@@ -40,6 +42,8 @@ class RecordingError(RunDirectoryError):
 class Recording:
     """A recording in memory. ``messages``: (tick, topic, payload) in the order of the file.
 
+    ``scenario``: as played, with the events that were given while the run went on;
+    ``written``: as the run began, the same if left out.
     ``complete``: whether the file was finished; a killed run's is not, but reads up to its last
     chunk. ``versions``: of the programs that made it, by name. ``logged_us``: each message's log
     time in us, which in real time is when the world sent it or got it (Unix time).
@@ -53,6 +57,12 @@ class Recording:
     complete: bool
     versions: Mapping[str, str] = field(default_factory=dict)
     logged_us: tuple[int, ...] = ()
+    written: Scenario | None = None
+
+    @property
+    def scenario_as_written(self) -> Scenario:
+        """The scenario as the run began."""
+        return self.scenario if self.written is None else self.written
 
     def of_channel(self, channel: str) -> Iterator[tuple[int, str, bytes]]:
         """The messages of one channel: (tick, robot or ``world``, payload)."""
@@ -111,7 +121,13 @@ def read_recording(path: str | Path) -> Recording:
         versions = json.loads(metadata.get("versions", "{}"))
         for topic in channels.values():
             parse_key(f"encircle/{run}/{topic}")
+        written = scenario
+        for _, topic, payload in messages:
+            if topic == INTERVENTION:
+                scenario = as_played(scenario, payload, run)
     except UnknownKey as error:
+        raise RecordingError(f"{file_path}: {error}") from None
+    except ProtocolError as error:
         raise RecordingError(f"{file_path}: {error}") from None
     except ScenarioError as error:
         # As of a policy or target behaviour that is not installed here.
@@ -121,4 +137,4 @@ def read_recording(path: str | Path) -> Recording:
             f"{file_path} is not a recording of this program, or its head is damaged"
         ) from None
     heard, times = tuple(messages), tuple(logged_us)
-    return Recording(file_path, scenario, seed, run, heard, complete, versions, times)
+    return Recording(file_path, scenario, seed, run, heard, complete, versions, times, written)

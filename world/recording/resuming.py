@@ -1,32 +1,33 @@
 """Taking up a run that broke off: the world as it was when its recording ends.
 
-Nothing but poses and commands, and which robots were lost and came back, goes into a world, and
-all of that is recorded: a robot without an observation is lost, and one that has not answered an
-observation was lost in that round. So a new world is fed with it, round by round, and has to come
-to the same messages, byte by byte, as far as they are recorded; else the recording is of another
-program, or not what it was. What is recorded of a round that is not whole is left out: the robots
-decide the same again.
+Nothing but poses and commands, interventions, and which robots were lost and came back, goes into a
+world, and all of that is recorded: a robot without an observation is lost, and one that has not
+answered an observation was lost in that round. So a new world is fed with it, round by round, and
+has to come to the same messages, byte by byte, as far as they are recorded; else the recording is
+of another program, or not what it was. What robots have said in a round that is not whole is left
+out: they decide the same again. Interventions in it are kept: nobody would give them again.
 
 Each robot is brought up to date with its setup and the observations it has had since, which it
 takes in without answering. Only why a robot was lost is not recorded.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.keys import parse_key
-from encircle.protocol.messages import Observation, Setup
+from encircle.protocol.messages import Intervention, Observation, Setup
 from encircle.protocol.process.interrupts import check
 from encircle.protocol.wire.earlier_versions import VERSION_BEFORE, VERSION_SINCE
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.membership import DepartureCause, is_crashed
 from encircle.world.coordinator.outgoing import Outgoing
 from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.loading.interventions import InterventionRefused
 from encircle.world.recording.recording import Recording, RecordingError, read_recording
 from encircle.world.recording.run_directory import attempts, versions
 from encircle.world.scenario.channel_model import Crash
@@ -55,7 +56,9 @@ class Resumed(NamedTuple):
 
 @dataclass(slots=True)
 class _Round:
-    """What is recorded of one round. ``lost``: who was at its beginning, None if that is not.
+    """What is recorded of one round. ``interventions``: the events that were given in it.
+
+    ``lost``: who was lost at its beginning, None if that is not recorded.
 
     ``back``: who was set up at its beginning. ``answers``: each robot's pose, if any, and command.
     ``whole``: whether it came to its end.
@@ -65,6 +68,7 @@ class _Round:
     back: set[str] = field(default_factory=set)
     answers: dict[str, Outgoing] = field(default_factory=dict)
     whole: bool = False
+    interventions: list[Mapping[str, Any]] = field(default_factory=list)
 
 
 def read_last(directory: Path) -> Recording:
@@ -91,8 +95,28 @@ def read_last(directory: Path) -> Recording:
     return furthest
 
 
+def digest_of(recording: Recording) -> str:
+    """The digest of a recorded run, played again by this program's world; of one cut off, so far.
+
+    ``RecordingError`` as ``rebuild``, and for a recording of which something comes out otherwise.
+    """
+    return _played(recording).core.rounds.journal.digest
+
+
 def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: None) -> Resumed:
     """The world as the recording leaves it; ``RecordingError`` if it cannot be gone on with."""
+    resumed = _played(recording, log)
+    core = resumed.core
+    if recording.complete and core.ended is not None:
+        raise RecordingError(
+            f"{recording.path}: this run has come to its end (tick {core.state.tick},"
+            f" {core.ended}), there is nothing to go on with"
+        )
+    return resumed
+
+
+def _played(recording: Recording, log: Callable[[str], None] = lambda _line: None) -> Resumed:
+    """The world as the recording leaves it, which has come to the recorded messages."""
     _check_versions(recording)
     if recording.scenario.clock != "lockstep":
         raise RecordingError(
@@ -101,7 +125,7 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
         )
     messages: list[Recorded] = []
     core = WorldCore(
-        build(recording.scenario, recording.seed),
+        build(recording.scenario_as_written, recording.seed),
         recording.run,
         log,
         lambda tick, key, payload: messages.append((tick, key, payload)),
@@ -109,6 +133,17 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
     for robot in core.arena.ids:
         core.join(robot)
     core.begin()
+    try:
+        _play_all(core, recording)
+    except InterventionRefused as error:
+        raise RecordingError(f"{recording.path}: tick {core.state.tick}: {error}") from None
+    core.rounds.commit()
+    _check_same(recording, messages)
+    return Resumed(core, messages, _histories(core, messages))
+
+
+def _play_all(core: WorldCore, recording: Recording) -> None:
+    """Play all whole rounds, and give the events of the one that was under way."""
     rounds = _rounds_of(recording)
     while core.ended is None and rounds.get(core.state.tick, _Round()).whole:
         check()
@@ -118,18 +153,13 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
             raise RecordingError(
                 f"{recording.path}: not all that robots said at tick {tick} counts"
             )
-    core.rounds.commit()
-    _check_same(recording, messages)
-    if recording.complete and core.ended is not None:
-        raise RecordingError(
-            f"{recording.path}: this run has come to its end (tick {core.state.tick},"
-            f" {core.ended}), there is nothing to go on with"
-        )
-    return Resumed(core, messages, _histories(core, messages))
+    if core.ended is None:
+        _intervene(core, rounds.get(core.state.tick, _Round()))
 
 
 def _play(core: WorldCore, now: _Round, then: _Round) -> None:
     """Play a whole round; ``then`` is the next one, in which it shows who was lost in this one."""
+    _intervene(core, now)
     asked, tick = core.rounds.table.waiting(), core.state.tick
     lost_then = then.lost
     if lost_then is None:
@@ -151,6 +181,12 @@ def _play(core: WorldCore, now: _Round, then: _Round) -> None:
     for robot in asked:
         if robot not in answered:
             core.leave(robot, LOST_BEFORE)
+
+
+def _intervene(core: WorldCore, now: _Round) -> None:
+    """Give the events again that were given in the open round."""
+    for given in now.interventions:
+        core.intervene(given)
 
 
 def _crashed(core: WorldCore, robot: str, tick: int) -> bool:
@@ -175,6 +211,9 @@ def _rounds_of(recording: Recording) -> dict[int, _Round]:
                 a_round.back.add(robot)
             elif channel in ("pose", "command") and robot is not None:
                 a_round.answers.setdefault(robot, []).append((key, payload))
+            elif channel == "intervention":
+                given = decode(Intervention, payload, recording.run).event
+                a_round.interventions.append(given)
             elif channel == "radio":
                 a_round.whole = True
         except ProtocolError as error:

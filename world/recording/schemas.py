@@ -6,7 +6,16 @@ They follow from the declarations in ``encircle.protocol.messages``.
 import re
 from typing import Any
 
-from encircle.protocol.messages import Command, End, Observation, Pose, Radio, Setup, State
+from encircle.protocol.messages import (
+    Command,
+    End,
+    Intervention,
+    Observation,
+    Pose,
+    Radio,
+    Setup,
+    State,
+)
 from encircle.protocol.wire.declaration import DeclaredField, declared_fields
 
 KINDS: dict[str, type[Any]] = {
@@ -17,6 +26,7 @@ KINDS: dict[str, type[Any]] = {
     "end": End,
     "state": State,
     "radio": Radio,
+    "intervention": Intervention,
 }
 _HEADER: dict[str, dict[str, Any]] = {"v": {"type": "integer"}, "run": {"type": "string"}}
 _MARKDOWN_LINK = re.compile(r"\[([^\]]+)\]\(#[^)]*\)")

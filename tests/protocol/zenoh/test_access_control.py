@@ -32,7 +32,7 @@ from encircle.protocol.zenoh.session import open_session
 
 RUN = "m"
 SAID_BY_ROBOTS, SAID_TO_ROBOTS = ("pose", "command"), ("setup", "observation", "end")
-SHOWN = ("state", "radio")
+SHOWN = ("state", "radio", "intervention")
 NODE_KINDS = ("world", "r1", "r2", "viewer")
 LATER_S = 0.3
 """How long what should not arrive is given to arrive."""
@@ -121,7 +121,8 @@ def sync(nodes, word):
     for robot in ("r1", "r2"):
         said(robot, robot_key(RUN, robot, "pose"), "world")
         said("world", robot_key(RUN, robot, "observation"), robot)
-    said("world", world_key(RUN, "state"), "viewer")
+    for channel in SHOWN:
+        said("world", world_key(RUN, channel), "viewer")
 
 
 def may_say(node, robot, channel):
