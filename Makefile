@@ -9,6 +9,7 @@
 # make containers   hunts in containers on a real engine; as root on Debian, installs what it needs
 # make format       style, where a program can see to it
 # make check        style, types and import contracts
+# make docs         the pages as a site, in build/site; a broken link fails it
 # make bench        the speeds that the README quotes
 
 PYTHON ?= python3
@@ -31,7 +32,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # A test that takes longer hangs, however slow and busy the machine is.
 HANG_S := 7200
 
-.PHONY: setup hunt test test-pythons test-loaded nightly hosts containers format check coverage bench clean
+.PHONY: setup hunt test test-pythons test-loaded nightly hosts containers format check coverage docs bench clean
 
 setup: $(READY)
 
@@ -94,6 +95,10 @@ coverage: setup
 	$(VENV)/bin/coverage run -m pytest $(REALTIME) $(ARGS) $(OR_NONE) || failed=1; \
 	$(VENV)/bin/coverage combine --quiet && $(VENV)/bin/python tests/helpers/coverage_by_room.py || failed=1; \
 	exit $$failed
+
+docs: setup
+	$(VENV)/bin/sphinx-build --quiet --fail-on-warning --keep-going --builder html docs build/site
+	@echo "build/site/index.html"
 
 # The programs compared with live in an environment of their own.
 $(BENCH_VENV)/.ready: bench/requirements.txt

@@ -29,6 +29,13 @@ def test_every_name_has_one_entry_in_the_page_and_nothing_else_has():
     assert sorted(match[1] for match in ENTRY.finditer(PAGE.read_text())) == encircle.__all__
 
 
+def test_every_name_stands_once_in_the_reference_that_the_site_has():
+    reference = (PAGE.parent / "reference.md").read_text()
+    assert (
+        sorted(re.findall(r"^\.\. auto\w+:: encircle\.(\w+)$", reference, re.M)) == encircle.__all__
+    )
+
+
 def test_signatures_in_the_page_are_those_of_the_source():
     """To put them right: ``python tests/helpers/signatures.py``."""
     page = PAGE.read_text()
