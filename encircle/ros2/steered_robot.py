@@ -71,8 +71,8 @@ class CommandMail:
         with self._changed:
             return self._newest
 
-    def wait(self, number: int, s_max: float) -> bool:
-        """Wait for a command after that of a number; False if none comes in time."""
+    def comes_after(self, number: int, s_max: float) -> bool:
+        """Whether a command after that of a number comes, waited for; False if not in time."""
         with self._changed:
             return self._changed.wait_for(lambda: self._newest.number > number, s_max)
 
@@ -117,7 +117,7 @@ class Steering:
         before = self.mail.newest().number
         self._tell(perception, by_clock)
         if not by_clock and self._vain_waits < VAIN_WAITS_MAX:
-            came = self.mail.wait(before, WAIT_S_MAX)
+            came = self.mail.comes_after(before, WAIT_S_MAX)
             self._vain_waits = 0 if came else self._vain_waits + 1
         newest = self.mail.newest()
         if newest.number != self._number:

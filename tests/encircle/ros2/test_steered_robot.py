@@ -1,11 +1,12 @@
 """A robot that does what ROS 2 says: in lock-step, by the clock, and when nothing is said."""
 
-import threading
 from dataclasses import replace
 from math import cos, pi, sin
 
 import pytest
 from helpers_agents import BODIES, TEAM, observation
+from helpers_connections import in_thread
+from helpers_waiting import LONGEST_S, result_of
 
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.keys import robot_key
@@ -33,7 +34,7 @@ class Mail(CommandMail):
         self.answers = []
         self.waits = 0
 
-    def wait(self, number, _s_max):
+    def comes_after(self, number, _s_max):
         self.waits += 1
         if self.answers:
             self.put(self.answers.pop(0))
@@ -193,11 +194,8 @@ def test_a_robot_that_begins_anew_waits_anew():
 
 def test_a_waiting_robot_is_woken_by_a_command():
     mail = CommandMail()
-    woken = []
-    waiting = threading.Thread(target=lambda: woken.append(mail.wait(0, 3600.0)))
-    waiting.start()
+    woken = in_thread(mail.comes_after, 0, LONGEST_S)
     mail.put(FORWARD)
-    waiting.join()
-    assert woken == [True]
+    assert result_of(woken)
     assert mail.newest()[:2] == (FORWARD, 1)
-    assert not mail.wait(1, 0.0)
+    assert not mail.comes_after(1, 0.0)
