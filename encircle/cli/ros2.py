@@ -58,6 +58,8 @@ def _check(settings: Namespace, options: Options) -> None:
             " give ROS 2's own router with --ros-connect"
         )
     if settings.robot:
+        if settings.listen and not settings.ros_connect:
+            options.error("--listen goes with --robot only if --ros-connect says where ROS 2 is")
         for name in ("scenario", "time"):
             if getattr(settings, name) is not None:
                 options.error(f"--{name} does not go with --robot: a robot knows its run")
@@ -119,7 +121,8 @@ def _steer(settings: Namespace, hunt_side: "Endpoints", ros_side: "Endpoints") -
 
     with RawSession(ros_side) as ros:
         node = RosNode(ros, settings.domain, f"encircle_{robot}", settings.keyed_attachments)
-        told = SteeringNode(node, types, robot, mail, log)
+        # What is refused must not use up the lines for what happens.
+        told = SteeringNode(node, types, robot, mail, bounded_log())
         steering = Steering(mail, told.tell, settings.command_timeout or COMMAND_S_MAX, say)
         say_error(f"ros2: robot {robot} listens to ROS 2 in domain {settings.domain} at {ros_side}")
         options = RobotOptions(

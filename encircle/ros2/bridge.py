@@ -147,8 +147,6 @@ class Bridge:
             self._refuse(f"it is of {len(state.robots)} robots, the run has {robots}")
             return
         before = self._before
-        if before is not None and state.tick <= before.tick:
-            before = None  # taken up again, or begun anew
         self._before = state
         self.report.sent += 1
         simulated = self._time_source == TimeSource.SIMULATED
