@@ -26,6 +26,7 @@ def main(arguments: Sequence[str], program: str) -> int:
     options = _options(program)
     settings = options.parse(arguments)
     # Imported late: a mistyped command need not wait for Zenoh.
+    from encircle.live.over_zenoh import NothingToSee
     from encircle.protocol.zenoh.endpoints import (
         CONNECT_S_MAX,
         ConfigurationError,
@@ -43,7 +44,7 @@ def main(arguments: Sequence[str], program: str) -> int:
         return _look_on(settings, hunt_side, ros_side)
     except ConfigurationError as error:
         options.error(str(error))
-    except ConnectionFailed as error:
+    except (ConnectionFailed, NothingToSee) as error:
         say_error(f"ros2: {error}")
     return 1
 
@@ -60,14 +61,10 @@ def _check(settings: Namespace, options: Options) -> None:
     if settings.robot:
         if settings.listen and not settings.ros_connect:
             options.error("--listen goes with --robot only if --ros-connect says where ROS 2 is")
-        for name in ("scenario", "time"):
-            if getattr(settings, name) is not None:
-                options.error(f"--{name} does not go with --robot: a robot knows its run")
-    else:
-        if settings.scenario is None:
-            options.error("--scenario is missing: the run's, as the world was given it")
-        if settings.command_timeout is not None:
-            options.error("--command-timeout goes with --robot only")
+        if settings.time is not None:
+            options.error("--time does not go with --robot: a robot knows its run's time")
+    elif settings.command_timeout is not None:
+        options.error("--command-timeout goes with --robot only")
 
 
 def _ros_side(settings: Namespace, hunt_side: "Endpoints") -> "Endpoints":
@@ -79,28 +76,29 @@ def _ros_side(settings: Namespace, hunt_side: "Endpoints") -> "Endpoints":
 
 
 def _look_on(settings: Namespace, hunt_side: "Endpoints", ros_side: "Endpoints") -> int:
+    from encircle.live.over_zenoh import ZenohFeed
     from encircle.protocol.zenoh.raw_session import RawSession
     from encircle.ros2.bridge import WORLD_S_MAX, Bridge, TimeSource, usual_time
     from encircle.ros2.message_types import MessageTypes
     from encircle.ros2.node import RosNode
-    from encircle.scene.stage import stage_of
-    from encircle.world.loading.load import load
 
     types = MessageTypes(RELEASES[settings.release])
-    scenario = load(settings.scenario, settings.set)
-    stage = stage_of(scenario, scenario.seed, settings.run)
-    time_source = TimeSource(settings.time) if settings.time else usual_time(stage)
     with contextlib.ExitStack() as closing:
+        # Beliefs would take time, and are not shown.
+        feed = ZenohFeed(hunt_side, settings.run, False, settings.join_timeout or WORLD_S_MAX)
+        closing.callback(feed.close)
+        time_source = TimeSource(settings.time) if settings.time else usual_time(feed.stage)
         hunt = closing.enter_context(RawSession(hunt_side))
         ros = hunt if ros_side is hunt_side else closing.enter_context(RawSession(ros_side))
         node = RosNode(ros, settings.domain, "encircle", settings.keyed_attachments)
-        bridge = Bridge(hunt, settings.run, stage, node, types, time_source, bounded_log())
+        told = (settings.run, feed.stage, lambda: feed.take(0.0).frames)
+        bridge = Bridge(hunt, *told, node, types, time_source, bounded_log())
         say_error(f"ros2: showing run {settings.run} in domain {settings.domain} at {ros_side}")
         with signals_to(bridge.interrupt):
             report = bridge.forward(settings.join_timeout or WORLD_S_MAX)
     say_error(
         f"ros2: {report.ended}; {report.sent} states sent, {report.passed_over} passed over,"
-        f" {report.refused} refused"
+        f" {report.refused} refused; traffic of {report.traffic} ticks"
     )
     return int(report.failed)
 
@@ -161,12 +159,6 @@ def _options(program: str) -> Options:
         "--keyed-attachments",
         "they have rmw_zenoh_cpp from before June 2025: 0.1.1 (humble), 0.2.3 (jazzy) or older",
     )
-    options.add(
-        "--scenario",
-        "the run's scenario, a shipped one's name or a TOML file, to show it",
-        metavar="SCENARIO",
-    )
-    options.add_list("--set", "change a key of the scenario; may be repeated", metavar="KEY=VALUE")
     options.add(
         "--time",
         "stamp by sim, the run's own time, told on /clock, or wall; as the run goes if left out",

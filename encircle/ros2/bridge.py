@@ -1,13 +1,15 @@
 """A running hunt for the eyes of ROS 2: each state that the world shows, on the topics of a scene.
 
 The bridge looks on as any viewer does: it takes what it gets, and the run waits for nothing here.
-What comes faster than it can be sent on is passed over, the oldest first, and counted. It ends when
-the world has ended.
+What comes faster than it can be sent on is passed over, the oldest first, and counted. States go
+out as they come; what is said and meant at a tick is known a tick later (``Feed``), and waits until
+no state does. It ends when the world has ended.
 """
 
 import queue
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -20,6 +22,7 @@ from encircle.ros2.message_types import MessageTypes
 from encircle.ros2.node import RosNode
 from encircle.ros2.plane_messages import NS_PER_S
 from encircle.ros2.scene_messages import SceneMessages
+from encircle.scene.frame import Frame
 from encircle.scene.stage import Stage
 
 WORLD_S_MAX = 30.0
@@ -45,9 +48,13 @@ def usual_time(stage: Stage) -> TimeSource:
 
 @dataclass(slots=True)
 class BridgeReport:
-    """What a bridge has done: states sent on, passed over, and refused, and why it ended."""
+    """What a bridge has done: states sent on, passed over, and refused, and why it ended.
+
+    ``traffic``: of how many ticks it has shown what was said.
+    """
 
     sent: int = 0
+    traffic: int = 0
     passed_over: int = 0
     refused: int = 0
     ended: str = ""
@@ -87,7 +94,7 @@ class Bridge:
     """Puts the states of one run on ROS 2's topics.
 
     ``hunt``: the session on which the run is; ``ros``: the one on which ROS 2 is, which may be the
-    same.
+    same. ``frames``: those that are whole by now and were not given before.
     """
 
     def __init__(
@@ -95,6 +102,7 @@ class Bridge:
         hunt: RawSession,
         run: str,
         stage: Stage,
+        frames: Callable[[], Iterable[Frame]],
         node: RosNode,
         types: MessageTypes,
         time_source: TimeSource,
@@ -102,6 +110,7 @@ class Bridge:
     ) -> None:
         self._run, self._node, self._types = run, node, types
         self._stage, self._time_source, self._log = stage, time_source, log
+        self._frames = frames
         self._messages = SceneMessages(types, stage)
         self._before: State | None = None
         self._mail = _Mail()
@@ -128,9 +137,10 @@ class Bridge:
             if gone_s is not None and now_s - gone_s > LINGER_S and mail.states.empty():
                 report.ended = "the world has ended"
             try:
-                self._take(mail.states.get(timeout=STEP_S))
-            except queue.Empty:
-                continue
+                with suppress(queue.Empty):
+                    self._take(mail.states.get(timeout=STEP_S))
+                if mail.states.empty():
+                    self._show_traffic()
             except ConnectionClosed as error:
                 report.ended, report.failed = f"the connection is closed: {error}", True
         report.passed_over = mail.passed_over
@@ -149,12 +159,21 @@ class Bridge:
         before = self._before
         self._before = state
         self.report.sent += 1
-        simulated = self._time_source == TimeSource.SIMULATED
-        stamp_ns = (
-            round(state.tick * self._stage.tick_s * NS_PER_S) if simulated else time.time_ns()
-        )
-        for topic, message in self._messages.of(state, before, stamp_ns, simulated):
+        with_clock = self._time_source == TimeSource.SIMULATED
+        made = self._messages.of(state, before, self._stamp_ns(state.tick), with_clock)
+        for topic, message in made:
             self._node.publish(topic, self._types.encoded(message))
+
+    def _show_traffic(self) -> None:
+        for frame in self._frames():
+            topic, message = self._messages.traffic(frame, self._stamp_ns(frame.tick))
+            self._node.publish(topic, self._types.encoded(message))
+            self.report.traffic += 1
+
+    def _stamp_ns(self, tick: int) -> int:
+        if self._time_source == TimeSource.WALL:
+            return time.time_ns()
+        return round(tick * self._stage.tick_s * NS_PER_S)
 
     def _refuse(self, why: str) -> None:
         self.report.refused += 1

@@ -14,9 +14,22 @@ from encircle.ros2.marker_messages import MarkerMessages
 from encircle.ros2.message_types import MessageTypes
 from encircle.ros2.plane_messages import PlaneMessages
 from encircle.ros2.wire import Quality, Topic
+from encircle.scene.frame import Frame
+from encircle.scene.palette import (
+    ARRIVED,
+    DARK,
+    LATE,
+    LOST,
+    UNKNOWN_LOSS,
+    PacketStyle,
+    robot_colour,
+)
 from encircle.scene.stage import Stage
 
 TARGET = "target"
+MARKERS = "visualization_msgs/msg/MarkerArray"
+ROLES = ("arrived", "late", "chance", "signal", "cut", "crowd")
+"""What becomes of packets, by the colours of the palette; a marker's number is its place here."""
 
 
 class Body(NamedTuple):
@@ -41,12 +54,13 @@ class SceneTopics:
         self.odometry = tuple(
             types.topic(f"/{name}/odom", "nav_msgs/msg/Odometry") for name in names
         )
-        self.markers = types.topic("/encircle/markers", "visualization_msgs/msg/MarkerArray")
+        self.markers = types.topic("/encircle/markers", MARKERS)
+        self.traffic = types.topic("/encircle/traffic", MARKERS)
 
     def all(self, with_clock: bool) -> tuple[Topic, ...]:
         """All of them, without ``/clock`` if nobody is to take the time from there."""
         clock = (self.clock,) if with_clock else ()
-        return (*clock, self.tf, *self.poses, *self.odometry, self.markers)
+        return (*clock, self.tf, *self.poses, *self.odometry, self.markers, self.traffic)
 
 
 def bodies(stage: Stage, state: State, before: State | None) -> tuple[Body, ...]:
@@ -104,4 +118,31 @@ class SceneMessages:
                 colour, radius_m, text = number, stage.radius_m, body.name
             shown += marks.body(header, number, body.position, radius_m, colour, text)
         shown.append(marks.circle(header, state.target, stage.stop_distance_m))
-        yield topics.markers, plane.make("visualization_msgs/msg/MarkerArray", shown)
+        yield topics.markers, plane.make(MARKERS, shown)
+
+    def traffic(self, frame: Frame, stamp_ns: int) -> tuple[Topic, Any]:
+        """Topic and message of what is said and meant at a tick: packets by fate, and goals.
+
+        A packet is a line from its sender to its receiver; one that is lost ends on the way.
+        """
+        header = self._plane.header(self._plane.time(stamp_ns))
+        flights: dict[str, list[tuple[Point, Point]]] = {role: [] for role in ROLES}
+        for packet in frame.packets:
+            style = self._style_of(packet.due, frame.tick)
+            (x, y), (x1, y1) = frame.robots[packet.sender], frame.robots[packet.receiver]
+            end = x + style.reach * (x1 - x), y + style.reach * (y1 - y)
+            flights[style.role].append(((x, y), end))
+        shown = [
+            self._markers.lines(header, "packets", number, DARK[role], flights[role])
+            for number, role in enumerate(ROLES)
+        ]
+        for number, (at, goal) in enumerate(zip(frame.robots, frame.goals, strict=True)):
+            way = [] if goal is None else [(at, goal)]
+            shown.append(self._markers.lines(header, "goals", number, robot_colour(number), way))
+        return self.topics.traffic, self._plane.make(MARKERS, shown)
+
+    def _style_of(self, due: int, tick: int) -> PacketStyle:
+        if due > 0:
+            return ARRIVED if due == tick + 1 else LATE
+        causes = self._stage.causes
+        return LOST.get(causes[-due], UNKNOWN_LOSS) if -due < len(causes) else UNKNOWN_LOSS

@@ -1,6 +1,7 @@
 """The bridge without Zenoh: what it sends on, passes over and refuses, and how it ends."""
 
 import pytest
+from helpers_scene import frames_of, hunted
 
 from encircle.protocol.codec import encode
 from encircle.protocol.errors import ConnectionClosed
@@ -58,10 +59,15 @@ class Node:
 
 
 class Bridged:
-    def __init__(self, time_source=TimeSource.SIMULATED):
+    def __init__(self, time_source=TimeSource.SIMULATED, stage=STAGE, frames=()):
         self.hunt, self.node, self.lines = Session(), Node(), []
-        parts = (self.hunt, RUN, STAGE, self.node, TYPES, time_source, self.lines.append)
-        self.bridge = Bridge(*parts)
+        self.frames = list(frames)
+        told = (self.hunt, RUN, stage, self._new_frames)
+        self.bridge = Bridge(*told, self.node, TYPES, time_source, self.lines.append)
+
+    def _new_frames(self):
+        frames, self.frames = self.frames, []
+        return frames
 
     def forward(self, *states, s_max=3600.0):
         """All that comes of a run whose world shows these states and ends."""
@@ -81,7 +87,16 @@ def test_every_state_is_sent_on_with_the_runs_time():
     clocks = [(m.clock.sec, m.clock.nanosec) for m in bridged.node.of("/clock")]
     assert clocks == [(0, 100_000_000 * tick) for tick in range(5)]
     assert [m.header.stamp for m in poses] == [m.clock for m in bridged.node.of("/clock")]
-    assert {name for name, _ in bridged.node.sent} == set(bridged.node.topics)
+    assert {name for name, _ in bridged.node.sent} == {*bridged.node.topics} - {"/encircle/traffic"}
+
+
+def test_what_is_said_at_a_tick_is_shown_when_it_is_known():
+    recording, _ = hunted("sim1", ["ticks_max=3"])
+    stage = stage_of(recording.scenario, 1, RUN)
+    bridged = Bridged(stage=stage, frames=frames_of(recording)[:3])
+    bridged.forward(state(0, robots=4))
+    stamps = [m.markers[0].header.stamp.nanosec for m in bridged.node.of("/encircle/traffic")]
+    assert stamps == [0, 100_000_000, 200_000_000]
 
 
 def test_by_the_wall_there_is_no_clock_and_stamps_never_go_back():

@@ -1,14 +1,17 @@
 """The messages of a state: where everything is, which way it looks and goes, and when."""
 
+from dataclasses import replace
 from math import atan2, cos, pi, sin
 
 import numpy as np
 import pytest
+from helpers_scene import frames_of, hunted
 
 from encircle.protocol.messages import State
 from encircle.ros2.message_types import MessageTypes
 from encircle.ros2.releases import RELEASES
-from encircle.ros2.scene_messages import SceneMessages
+from encircle.ros2.scene_messages import ROLES, SceneMessages
+from encircle.scene.frame import Packet
 from encircle.scene.stage import stage_of
 from encircle.world.loading.load import load
 
@@ -27,6 +30,7 @@ TOPICS = {
     "/r2/odom": "nav_msgs/msg/Odometry",
     "/target/odom": "nav_msgs/msg/Odometry",
     "/encircle/markers": "visualization_msgs/msg/MarkerArray",
+    "/encircle/traffic": "visualization_msgs/msg/MarkerArray",
 }
 
 
@@ -48,7 +52,7 @@ def heading(turn):
 def test_every_topic_has_its_type_and_a_message(types):
     topics = SceneMessages(types, STAGE).topics.all(with_clock=True)
     assert {topic.name: topic.type_name for topic in topics} == TOPICS
-    assert list(messages_of(types)) == [topic.name for topic in topics]
+    assert [*messages_of(types), "/encircle/traffic"] == [topic.name for topic in topics]
 
 
 def test_there_is_no_clock_where_time_is_that_of_the_wall(types):
@@ -141,3 +145,32 @@ def test_robots_differ_in_colour(types):
         if m.ns == "bodies"
     ]
     assert len(set(colours)) == 3
+
+
+def test_packets_are_lines_by_fate_and_goals_lines_by_robot(types):
+    """From r1 to r2, 2 m apart: on time, late, and lost by chance half the way there."""
+    recording, _ = hunted("sim1", ["ticks_max=1"])
+    frame = frames_of(recording)[0]
+    causes = STAGE.causes
+    lost = -causes.index("loss")
+    packets = (Packet(0, 1, 8, 0), Packet(0, 1, 9, 0), Packet(0, 1, lost, 0), Packet(1, 0, -99, 0))
+    frame = replace(
+        frame,
+        tick=7,
+        robots=((0.0, 0.0), (2.0, 0.0)),
+        goals=((5.0, 6.0), None),
+        packets=packets,
+    )
+    topic, message = SceneMessages(types, STAGE).traffic(frame, STAMP_NS)
+    markers = types.decoded(types.encoded(message), topic.type_name).markers
+    lines = {(m.ns, m.id): [(p.x, p.y) for p in m.points] for m in markers if m.action == m.ADD}
+    assert lines == {
+        ("packets", 0): [(0.0, 0.0), (2.0, 0.0)],
+        ("packets", 1): [(0.0, 0.0), (2.0, 0.0)],
+        ("packets", 2): [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 0.0)],
+        ("goals", 0): [(0.0, 0.0), (5.0, 6.0)],
+    }
+    gone = {(m.ns, m.id) for m in markers if m.action == m.DELETE}
+    assert gone == {("packets", 3), ("packets", 4), ("packets", 5), ("goals", 1)}
+    colours = [(m.color.r, m.color.g, m.color.b) for m in markers if m.ns == "packets"]
+    assert len(set(colours)) == len(ROLES)

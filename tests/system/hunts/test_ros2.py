@@ -4,6 +4,7 @@ zenoh-ros2-sdk finds topics by their tokens, subscribes to keys with hashes that
 itself, and publishes commands. There is no ROS 2 here.
 """
 
+import re
 import subprocess
 import sys
 from math import hypot, nan
@@ -21,6 +22,7 @@ from encircle.runlog.ground_truth import ground_truth_of
 from encircle.runner.launch import free_endpoint
 from encircle.world.recording.recording import read_recording
 
+MARKERS = "visualization_msgs/msg/MarkerArray"
 TICK_S = 0.1
 TICKS = 120
 SCENARIO = LONG | {"ticks_max": TICKS}
@@ -43,7 +45,7 @@ class RosHunt(Hunt):
         return self.start_as("ros2", "-m", "encircle", "ros2", *self.where, *JOIN, *options)
 
     def show(self, *options):
-        node = self.start_ros2("--scenario", str(self.scenario), *options)
+        node = self.start_ros2(*options)
         node.wait_until(lambda node: "showing run" in node.said)
         return node
 
@@ -94,7 +96,7 @@ def test_ros_2_sees_where_everybody_is_and_the_hunt_stays_what_it_was(hunts, ros
         moving = [*ROBOTS, "target"]
         assert topics == (
             {"/clock": ["rosgraph_msgs/msg/Clock"], "/tf": ["tf2_msgs/msg/TFMessage"]}
-            | {"/encircle/markers": ["visualization_msgs/msg/MarkerArray"]}
+            | {f"/encircle/{of}": [MARKERS] for of in ("markers", "traffic")}
             | {f"/{name}/pose": [POSE_STAMPED] for name in moving}
             | {f"/{name}/odom": [ODOMETRY] for name in moving}
         )
@@ -108,6 +110,7 @@ def test_ros_2_sees_where_everybody_is_and_the_hunt_stays_what_it_was(hunts, ros
             hunt.start_robot(robot)
         assert hunt.world.end() == bridge.end() == 0
         until(lambda: tick_of(poses["target"][-1]) == TICKS, "the last pose")
+    assert int(re.search(r"traffic of (\d+) ticks", bridge.said)[1]) > TICKS // 2
     truth = hunt.truth().positions
     for k, name in enumerate(moving):
         ticks = [tick_of(message) for message in poses[name]]
@@ -222,9 +225,9 @@ def test_a_robot_that_is_not_of_the_team_is_not_let_in(hunts):
 def test_a_run_that_is_not_there_is_told_of(hunts):
     hunt = hunts(SCENARIO)
     where = ("--connect", hunt.endpoint, "--run", "other", "--join-timeout", "1")
-    done = command("ros2", *where, "--scenario", "sim1")
+    done = command("ros2", *where)
     assert done.returncode == 1
-    assert "ros2: no world of run other came within 1 s" in done.stderr
+    assert done.stderr.startswith("ros2: no world of run other answers at")
 
 
 @pytest.mark.parametrize(
@@ -233,9 +236,10 @@ def test_a_run_that_is_not_there_is_told_of(hunts):
         (("--release", "jazy"), "'jazy' is not one of humble, jazzy, kilted, lyrical, rolling"),
         (("--domain", "233"), "'233' is not a whole number from 0 to 232"),
         (("--robot", "r3", "--time", "sim"), "--time does not go with --robot"),
-        (("--scenario", "sim1", "--command-timeout", "1"), "--command-timeout goes with --robot"),
-        (("--scenario", "sim1", "--certificates", "nowhere"), "--ros-connect"),
-        (("--scenario", "sim1", "--ros-connect", "7447"), "connect = '7447': must be PROTOCOL/"),
+        (("--robot", "r3", "--listen", "tcp/127.0.0.1:1"), "--listen goes with --robot only if"),
+        (("--command-timeout", "1"), "--command-timeout goes with --robot"),
+        (("--certificates", "nowhere"), "--ros-connect"),
+        (("--ros-connect", "7447"), "connect = '7447': must be PROTOCOL/"),
     ],
 )
 def test_what_does_not_go_together_is_one_line(options, line):
