@@ -24,10 +24,12 @@ from encircle.protocol.errors import (
     UnknownKey,
     WrongSender,
 )
+from encircle.protocol.keys import WORLD_CHANNELS
 from encircle.protocol.messages import (
     Command,
     CommandMode,
     End,
+    Intervention,
     Observation,
     Pose,
     Radio,
@@ -40,7 +42,9 @@ from encircle.scene.frame import Frame
 from encircle.scene.frame_maker import FrameMaker, Round
 from encircle.scene.stage import Stage, stage_of
 from encircle.world.arena.engine import build, initial, truth
+from encircle.world.loading.interventions import as_played
 from encircle.world.recording.recording import Recording, RecordingError
+from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
 ROUNDS_AHEAD = 2
@@ -61,7 +65,8 @@ class Scene:
 class SceneBuilder:
     """Makes the frames of one run from its messages.
 
-    ``stage``: the run's constants; ``beliefs``: whether to work out what robots believe, which
+    ``scenario``: as the run began; events that are given to it come as messages. ``stage``: the
+    run's constants; ``beliefs``: whether to work out what robots believe, which
     takes as long as the robots took to decide. ``ended``: the reason for which the run ended, None
     as long as that is not known.
     """
@@ -70,6 +75,7 @@ class SceneBuilder:
         self.stage = stage_of(scenario, seed, run)
         self.ended: str | None = None
         self._run = run
+        self._scenario = scenario
         self._robots = scenario.ids
         self._by_clock = scenario.clock == "wall"
         self._rounds: dict[int, Round] = {}
@@ -93,7 +99,7 @@ class SceneBuilder:
             if channel != "alive":
                 raise UnknownKey(f"topic {topic[:200]!r} is not part of the protocol")
             return []
-        if sender != "world" if channel in ("state", "radio") else sender not in self._robots:
+        if sender != "world" if channel in WORLD_CHANNELS else sender not in self._robots:
             raise WrongSender(f"{topic[:200]}: the team is {', '.join(self._robots)}")
         match channel:
             case "setup":
@@ -103,6 +109,8 @@ class SceneBuilder:
             case "pose":
                 if isinstance(self._beliefs, BeliefsByClock):
                     self._beliefs.take_packet(sender, payload)
+            case "intervention":
+                self._take_intervention(payload)
             case "end":
                 self.ended = decode(End, payload, self._run).reason
             case _:
@@ -122,6 +130,14 @@ class SceneBuilder:
         self._check(decode(Setup, payload, self._run), robot)
         if self._beliefs is not None:
             self._beliefs.take_setup(robot, payload)
+
+    def _take_intervention(self, payload: bytes) -> None:
+        """An event was given while the run goes on; it takes effect at a later tick."""
+        try:
+            self._scenario = as_played(self._scenario, payload, self._run)
+        except ScenarioError as error:
+            raise MalformedMessage(f"Intervention: {error}") from None
+        self._maker.add_event(self._scenario.events[-1])
 
     def _take_observation(self, tick: int | None, robot: str, payload: bytes) -> None:
         if tick is None:
@@ -217,6 +233,7 @@ _KINDS: dict[str, Any] = {
     "pose": Pose,
     "state": State,
     "radio": Radio,
+    "intervention": Intervention,
     "command": Command,
     "end": End,
     "setup": Setup,
@@ -236,7 +253,7 @@ def frames_of_recording(recording: Recording, beliefs: bool = True) -> Iterator[
 
     Raises ``RecordingError`` for a message that cannot be read.
     """
-    scenario, seed, run = recording.scenario, recording.seed, recording.run
+    scenario, seed, run = recording.scenario_as_written, recording.seed, recording.run
     builder, is_empty = SceneBuilder(scenario, seed, run, beliefs), True
     for tick, topic, payload in recording.messages:
         try:

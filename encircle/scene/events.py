@@ -20,11 +20,14 @@ from encircle.world.scenario.channel_model import Outage, Partition, Silence
 from encircle.world.scenario.model import Event as ScenarioEvent
 from encircle.world.scenario.model import MoveTarget, Scenario
 
+BY_HAND = "by hand: "
 Pairs = tuple[tuple[str, str], ...]
 
 
 class Schedule:
-    """What a scenario lets happen, and whose radio is off; events may come as the run goes on.
+    """What a scenario lets happen, and whose radio is off.
+
+    Events may be added while the run goes on: what they begin is told as done by hand.
 
     That a robot crashes is not in it: it shows in who is asked.
     """
@@ -33,6 +36,7 @@ class Schedule:
         self._robots = scenario.ids
         self._events = list(scenario.events)
         self._spans = cut_spans(self._events)
+        self._written = len(self._events)
 
     def add(self, event: ScenarioEvent) -> None:
         """One event more, the last in order."""
@@ -49,7 +53,11 @@ class Schedule:
 
     def at(self, tick: int) -> list[Event]:
         """What begins or ends at a tick, in the scenario's order."""
-        begun = [self._begun(event) for event in self._events if event.tick == tick]
+        begun = [
+            self._begun(event, BY_HAND if k >= self._written else "")
+            for k, event in enumerate(self._events)
+            if event.tick == tick
+        ]
         ended = [_ended(span.cut) for span in self._spans if span.after == tick]
         ended += [
             Event(event.kind, f"{event.kind} as the scenario has it again", ())
@@ -58,23 +66,25 @@ class Schedule:
         ]
         return [event for event in (*ended, *begun) if event is not None]
 
-    def _begun(self, event: ScenarioEvent) -> Event | None:
+    def _begun(self, event: ScenarioEvent, by: str) -> Event | None:
+        robots: tuple[str, ...] = ()
         match event:
             case MoveTarget():
                 x, y = event.position
-                return Event("moved", f"the target is moved by hand towards ({x:g}, {y:g}) m", ())
+                text = f"the target is moved towards ({x:g}, {y:g}) m"
             case Silence():
-                return Event("silence", f"{event.robot}'s radio is off", (event.robot,))
+                text, robots = f"{event.robot}'s radio is off", (event.robot,)
             case Outage():
-                robots = tuple([end for end in (event.sender, event.receiver) if end])
-                return Event("outage", f"outage from {_ends(event)}", robots)
+                text, robots = f"outage from {_ends(event)}", _named(event)
             case Partition():
-                return Event("partition", f"the team is cut: {_groups(event)}", _members(event))
+                text, robots = f"the team is cut: {_groups(event)}", _members(event)
             case Heal():
-                return Event("heal", "silences, outages and partitions are over", ())
+                text = "silences, outages and partitions are over"
             case LossChange() | DelayChange() | RangeChange():
-                return Event(event.kind, _change(event), ())
-        return None
+                text = _change(event)
+            case _:
+                return None
+        return Event("moved" if isinstance(event, MoveTarget) else event.kind, by + text, robots)
 
 
 def _ended(cut: Cut) -> Event:
@@ -82,8 +92,7 @@ def _ended(cut: Cut) -> Event:
         case Silence():
             return Event("silence", f"{cut.robot}'s radio is on again", (cut.robot,))
         case Outage():
-            robots = tuple([end for end in (cut.sender, cut.receiver) if end])
-            return Event("outage", f"no outage from {_ends(cut)} any more", robots)
+            return Event("outage", f"no outage from {_ends(cut)} any more", _named(cut))
         case Partition():
             return Event("partition", "the team is whole again", _members(cut))
 
@@ -101,6 +110,10 @@ def _change(event: Change) -> str:
 
 def _ends(outage: Outage) -> str:
     return f"{outage.sender or 'any robot'} to {outage.receiver or 'any robot'}"
+
+
+def _named(outage: Outage) -> tuple[str, ...]:
+    return tuple([end for end in (outage.sender, outage.receiver) if end])
 
 
 def _groups(partition: Partition) -> str:

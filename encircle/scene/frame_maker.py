@@ -12,6 +12,7 @@ from encircle.scene.beliefs import Believed
 from encircle.scene.frame import Event, Frame, Values
 from encircle.scene.radio_watch import RadioWatch, age_mean, ages_of_row
 from encircle.scene.values import TruthValues, conflicts
+from encircle.world.scenario.model import Event as ScenarioEvent
 from encircle.world.scenario.model import Scenario
 
 Flags = tuple[bool, ...]
@@ -41,6 +42,10 @@ class FrameMaker:
         self._last: Frame | None = None
         self._there: Flags = (True,) * len(scenario.ids)
         self._doubts: dict[str, str] = {}
+
+    def add_event(self, event: ScenarioEvent) -> None:
+        """An event was given to the run while it goes on."""
+        self._schedule.add(event)
 
     def frame(
         self,

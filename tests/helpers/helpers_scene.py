@@ -29,7 +29,8 @@ def hunted(scenario: str | Scenario, changes=(), seed: int = 2) -> tuple[Recordi
 
 def frames_of(recording: Recording, messages=None) -> list[Frame]:
     """The frames of a recording's messages, or of some of them, one by one."""
-    builder, frames = SceneBuilder(recording.scenario, recording.seed, RUN), []
+    written, run = recording.scenario_as_written, recording.run
+    builder, frames = SceneBuilder(written, recording.seed, run), []
     for tick, topic, payload in recording.messages if messages is None else messages:
         frames += builder.take(tick, topic, payload)
     return frames + builder.finish()

@@ -9,8 +9,11 @@ from helpers_scene import RUN, frames_of, hunted
 
 from encircle.protocol.codec import decode, encode
 from encircle.protocol.errors import MalformedMessage, ProtocolError
-from encircle.protocol.messages import Command, Radio, State
-from encircle.scene.builder import SceneBuilder
+from encircle.protocol.messages import Command, Intervention, Radio, State
+from encircle.runner.hunts import run
+from encircle.runner.interventions import Interventions
+from encircle.scene.builder import SceneBuilder, scene_of_recording
+from encircle.world.recording.recording import read_recording
 
 LOSS = "channel.loss={model='bernoulli', rate=0.3}"
 CRASH = "events=[{kind='crash', tick=6, ticks=4, robot='r2'}]"
@@ -178,3 +181,28 @@ def test_without_beliefs_all_else_is_the_same():
     frames += builder.finish()
     nothing = (None,) * 4
     assert frames == [replace(f, beliefs=nothing) for f in frames_of(recording)]
+
+
+def test_what_is_given_by_hand_is_told_and_shown_as_if_it_were_written(tmp_path):
+    silence = {"kind": "silence", "robot": "r1", "tick": 5, "ticks": 3}
+    queue = Interventions()
+    for event in (silence, {"kind": "loss", "rate": 1.0}):
+        queue.give(event)
+    out, changes = tmp_path / "run", ["ticks_max=12"]
+    run("sim1", link="memory", overrides=changes, interventions=queue, out=out)
+    recording = read_recording(out)
+    frames = frames_of(recording)
+    assert [f.tick for f in frames if f.silent[0]] == [5, 6, 7]
+    told = [(f.tick, e.kind, e.text) for f in frames for e in f.events]
+    assert told[:3] == [
+        (1, "loss", "by hand: every link loses 100 % of packets"),
+        (5, "silence", "by hand: r1's radio is off"),
+        (8, "silence", "r1's radio is on again"),
+    ]
+    assert not any(f.beliefs_unsure for f in frames)
+    # Of what was sent at the ticks 0, 1 and 2, only the first came before that.
+    assert frames[2].values.delivery == pytest.approx(1 / 3)
+    assert list(scene_of_recording(recording).frames) == frames
+    nonsense = encode(Intervention(1, {"kind": "surprise"}), recording.run)
+    with pytest.raises(MalformedMessage, match="surprise"):
+        SceneBuilder(recording.scenario, 1, recording.run).take(1, "world/intervention", nonsense)

@@ -111,7 +111,7 @@ def test_events_are_told_as_they_begin_and_end():
         3: ["the team is cut: r1, r2 | r3"],
         4: ["outage from r1 to any robot"],
         5: ["r3's radio is on again", "no outage from r1 to any robot any more"],
-        6: ["the target is moved by hand towards (1.5, -2) m"],
+        6: ["the target is moved towards (1.5, -2) m"],
         7: ["every link loses 50 % of packets"],
         8: ["the team is whole again", "silences, outages and partitions are over"],
         9: ["loss as the scenario has it again"],
@@ -122,5 +122,5 @@ def test_events_are_told_as_they_begin_and_end():
 def test_an_event_can_be_added_while_a_run_goes_on():
     schedule = events()
     schedule.add(Silence(kind="silence", tick=4, ticks=2, robot="r1"))
-    assert told(schedule) == {4: ["r1's radio is off"], 6: ["r1's radio is on again"]}
+    assert told(schedule) == {4: ["by hand: r1's radio is off"], 6: ["r1's radio is on again"]}
     assert schedule.silent(5) == {0}
