@@ -6,6 +6,7 @@
 # make test-loaded  the same while all cores are busy otherwise
 # make nightly      many more seeds, hosts where it can, and the tests under load: some hours
 # make hosts        hunts over network namespaces, a host each; as root
+# make pages        the page in a real browser; installs Debian's if there is none, as root
 # make containers   hunts in containers on a real engine; as root on Debian, installs what it needs
 # make format       style, where a program can see to it
 # make check        style, types and import contracts
@@ -32,7 +33,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # A test that takes longer hangs, however slow and busy the machine is.
 HANG_S := 7200
 
-.PHONY: setup hunt test test-pythons test-loaded nightly hosts containers format check coverage docs bench clean
+.PHONY: setup hunt test test-pythons test-loaded nightly hosts pages containers format check coverage docs bench clean
 
 setup: $(READY)
 
@@ -73,6 +74,10 @@ nightly: setup
 hosts: setup
 	@command -v ip > /dev/null || apt-get install --yes --no-install-recommends iproute2
 	$(PYTEST) -m hosts
+
+pages: setup
+	@command -v chromium > /dev/null || apt-get install --yes --no-install-recommends chromium
+	ENCIRCLE_BROWSER=yes $(PYTEST) -n 0 -m browser -rP
 
 containers: setup
 	ENCIRCLE_CONTAINERS=yes $(PYTEST) tests/system/containers -n 0 -rP --durations=0

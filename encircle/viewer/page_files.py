@@ -14,6 +14,7 @@ BOKEH_SCRIPTS = ("bokeh.min.js", "bokeh-api.min.js")
 MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
     {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 )
+"""By the ending of a file's name."""
 
 
 def page_text(name: str) -> str:
@@ -25,8 +26,13 @@ def page_text(name: str) -> str:
     if name in BOKEH_SCRIPTS:
         return (_bokeh_folder() / name).read_text(encoding="utf-8")
     if name not in page_names():
-        raise FileNotFoundError(f"{name}: not a file of the page")
+        raise FileNotFoundError(f"{name[:200]}: not a file of the page")
     return (PAGE / name).read_text(encoding="utf-8")
+
+
+def page_type(name: str) -> str:
+    """The media type of one of the page's files."""
+    return f"{MEDIA_TYPES[Path(name).suffix]}; charset=utf-8"
 
 
 def page_names() -> tuple[str, ...]:

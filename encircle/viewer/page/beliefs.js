@@ -37,7 +37,7 @@
     ctx.arc(px, py, radius, 0, 2 * Math.PI);
     ctx.stroke();
     ctx.setLineDash([]);
-    page.drawShape(ctx, shape, px, py, 0.45 * radius, colour);
+    page.drawShape(ctx, shape, px, py, 0.45 * radius, colour, { outline: look.colour("ink") });
     ctx.globalAlpha = Math.max(0.75, shown(age));
     const words = moment.robots.length > SPACIOUS_ROBOTS_MAX ? "" : age === 1 ? " tick" : " ticks";
     const unused = planned ? "" : ", too old";
@@ -69,7 +69,7 @@
     ctx.arc(x, y, radius, 0, 2 * Math.PI);
     ctx.stroke();
     ctx.setLineDash([]);
-    page.drawShape(ctx, "star", x, y, 0.5 * radius, look.colour("target"), 2);
+    page.drawShape(ctx, "star", x, y, 0.5 * radius, look.colour("target"), { lineWidth: 2 });
     view.labels.draw(view, "estimate", "target, estimated", x, y, radius);
   }
 

@@ -33,7 +33,7 @@
 
     icon(kind, px) {
       const [shape, role] = LOOKS[kind] || ["disc", "muted"];
-      return page.shapeIcon(shape, this.look.colour(role), px);
+      return page.shapeIcon(shape, this.look.colour(role), px, this.look.colour("ink"));
     }
 
     /* Makes list and marks anew if there are other events than before. */

@@ -23,7 +23,7 @@
       image.width = image.height = Math.round(2 * half * ratio);
       const ctx = image.getContext("2d");
       ctx.scale(ratio, ratio);
-      page.drawShape(ctx, shape, half, half, size, look.colour(role), 2);
+      page.drawShape(ctx, shape, half, half, size, look.colour(role), { lineWidth: 2, outline: look.colour("ink") });
       sprites.images.set(fate, { image, half });
     }
     return sprites.images.get(fate);

@@ -4,6 +4,7 @@
 (function (page) {
   const FONT = "system-ui, 'DejaVu Sans', sans-serif";
   const LARGE = 1.4;
+  const OUTLINE_PX = 0.8;
   const ROBOT_SHAPES = ["disc", "square", "triangle", "diamond", "wedge", "cross"];
   const DASHES = [[], [7, 3], [7, 3, 2, 3], [2, 2], [10, 4], [5, 3]];
 
@@ -115,18 +116,25 @@
     },
   };
 
-  /* Draws a shape of radius r about (x, y) in the given colour. */
-  page.drawShape = function (ctx, shape, x, y, r, colour, lineWidth = 1.6) {
+  /* Draws a shape of radius r about (x, y). Filled ones have an outline if its colour is given, as
+     orange and sky blue alone do not stand out from white. */
+  page.drawShape = function (ctx, shape, x, y, r, colour, { lineWidth = 1.6, outline = null } = {}) {
     ctx.beginPath();
     (FILLED[shape] || STROKED[shape] || STROKED.x)(ctx, x, y, r);
     ctx.fillStyle = ctx.strokeStyle = colour;
     ctx.lineWidth = lineWidth;
-    if (FILLED[shape]) ctx.fill();
-    else ctx.stroke();
+    if (!FILLED[shape]) ctx.stroke();
+    else {
+      ctx.fill();
+      if (!outline) return;
+      ctx.strokeStyle = outline;
+      ctx.lineWidth = OUTLINE_PX;
+      ctx.stroke();
+    }
   };
 
   /* A canvas element that shows a shape, for legends; the words beside it say the same. */
-  page.shapeIcon = function (shape, colour, sizePx) {
+  page.shapeIcon = function (shape, colour, sizePx, outline = null) {
     const ratio = window.devicePixelRatio || 1;
     const icon = document.createElement("canvas");
     icon.width = icon.height = Math.round(sizePx * ratio);
@@ -134,7 +142,7 @@
     icon.setAttribute("aria-hidden", "true");
     const ctx = icon.getContext("2d");
     ctx.scale(ratio, ratio);
-    page.drawShape(ctx, shape, sizePx / 2, sizePx / 2, 0.32 * sizePx, colour);
+    page.drawShape(ctx, shape, sizePx / 2, sizePx / 2, 0.32 * sizePx, colour, { outline });
     return icon;
   };
 
