@@ -10,6 +10,8 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from encircle.extras import missing_line
+
 if TYPE_CHECKING:
     from encircle.learning.acting import decision
     from encircle.learning.environment import HuntEnv, parallel_env
@@ -26,7 +28,6 @@ _MODULE_OF = {
     "observation": f"{_ROOM}.observing",
     "parallel_env": f"{_ROOM}.environment",
 }
-INSTALL = 'encircle.learning needs pettingzoo: pip install "encircle[learning]"'
 
 
 def __getattr__(name: str) -> Any:
@@ -36,9 +37,10 @@ def __getattr__(name: str) -> Any:
     try:
         module = import_module(_MODULE_OF[name])
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] in ("pettingzoo", "gymnasium"):
-            raise ImportError(INSTALL) from None
-        raise
+        line = missing_line(error, "encircle.learning")
+        if line is None:
+            raise
+        raise ImportError(line) from None
     return getattr(module, name)
 
 

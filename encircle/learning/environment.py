@@ -199,7 +199,7 @@ class HuntEnv(ParallelEnv[str, Floats, NDArray[Any]]):  # type: ignore[misc]  # 
         return np.concatenate([robots, rest]).astype(np.float32)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The hunt so far as a picture (H, W, 3), None without a render mode."""
+        """The hunt so far as a picture (800, 640, 3), None without a render mode."""
         if self.render_mode is None:
             return None
         # Imported late: most learners draw nothing.

@@ -1,4 +1,8 @@
-"""The picture of an episode so far: the house's figure of a hunt, as an array."""
+"""The picture of an episode so far: the house's figure of a hunt, as an array of one size.
+
+The figure takes the shape of what has happened, and grows with that. It is put on a canvas that has
+room for the largest, so that the pictures of an episode make a video.
+"""
 
 from collections.abc import Sequence
 from io import BytesIO
@@ -12,9 +16,12 @@ from encircle.figures.trajectories import trajectories_figure
 from encircle.runlog.ground_truth import GroundTruth
 from encircle.world.coordinator.world_core import WorldCore
 
+CANVAS = (1600, 1280)
+"""Height and width in pixels; the picture has half of each."""
+
 
 def picture(world: WorldCore, trail: Sequence[NDArray[np.float64]]) -> NDArray[np.uint8]:
-    """The hunt so far, (H, W, 3); ``trail``: the bodies' positions (N + 1, 2) in m by tick."""
+    """The hunt so far, (800, 640, 3); ``trail``: the bodies' positions (N + 1, 2) in m by tick."""
     arena, state = world.arena, world.state
     away = np.zeros(len(arena.ids), bool) if state.away is None else state.away > 0
     lost = np.zeros((len(trail), len(arena.ids)), bool)
@@ -33,4 +40,9 @@ def picture(world: WorldCore, trail: Sequence[NDArray[np.float64]]) -> NDArray[n
     title = f"tick {last}" if world.ended is None else shown.outcome
     with BytesIO(png_of(trajectories_figure(shown, title, labelled=False))) as file:
         image: NDArray[np.float32] = matplotlib.image.imread(file, format="png")
-    return (image[:, :, :3] * 255.0).round().astype(np.uint8)
+    canvas = np.ones((*CANVAS, 3), np.float32)
+    part = image[: CANVAS[0], : CANVAS[1], :3]
+    canvas[: part.shape[0], : part.shape[1]] = part
+    halves = canvas.reshape(CANVAS[0] // 2, 2, CANVAS[1] // 2, 2, 3).mean(axis=(1, 3))
+    pixels: NDArray[np.uint8] = (halves * 255.0).round().astype(np.uint8)
+    return pixels

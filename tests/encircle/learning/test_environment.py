@@ -154,10 +154,10 @@ def test_it_draws_the_hunt_so_far():
     later = env.render()
     for picture in (first, later):
         assert picture.dtype == np.uint8
-        assert picture.ndim == 3
-        assert picture.shape[2] == 3
+        assert picture.shape == (800, 640, 3)
         assert len(np.unique(picture)) > 10, "something is drawn"
-    assert first.shape != later.shape or (first != later).any()
+        assert (picture[-1] == 255).all(), "nothing is cut off below"
+    assert (first != later).any()
     assert parallel_env(SCENE).render() is None
 
 
@@ -173,6 +173,7 @@ def test_it_draws_the_hunt_so_far():
         ({"reward": {"capture": -1.0}}, "reward.capture = -1.0: must be a number that is not"),
         ({"reward": {"discount": 1.1}}, "reward.discount = 1.1: must be from 0 to 1"),
         ({"reward": {"nearr": 1.0}}, "reward.nearr = 1.0: unknown weight (did you mean 'near'?)"),
+        ({"reward": {"near": float("inf")}}, "reward.near = inf: must be a number that is not"),
         ({"payloads": 2}, "payloads = 2: unknown option (did you mean 'payload'?)"),
     ],
 )
