@@ -25,9 +25,9 @@ MIRROR = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8, 11, 10, 12, 13)
 """Which feature stands where in the mirror: the neighbours on both sides change places."""
 SIGNS = (1, 1, 1, 1, -1, 1, -1, 1, 1, 1, 1, 1, 1, 1)
 """Those of what goes aside change there too."""
-HIDDEN, FEATURES = 8, len(MIRROR)
-FIRST = HIDDEN * FEATURES
-SIZE = FIRST + 2 * (HIDDEN + 1)
+HIDDEN, FEATURES = 6, len(MIRROR)
+FIRST = FEATURES * HIDDEN
+SIZE = FIRST + 2 * (FEATURES + HIDDEN)
 """How many weights there are."""
 NEAR = 1e-6
 
@@ -38,8 +38,11 @@ def learned(memory, view):
 
 
 def network(weights):
-    """The two layers (FEATURES, HIDDEN) and (HIDDEN + 1, 2) of a network with weights (SIZE,)."""
-    return weights[:FIRST].reshape(FEATURES, HIDDEN), weights[FIRST:].reshape(HIDDEN + 1, 2)
+    """The layers of a network with weights (SIZE,): the hidden one, and that of the answers.
+
+    The latter (FEATURES + HIDDEN, 2) takes the features too: what is linear is learned fast.
+    """
+    return weights[:FIRST].reshape(FEATURES, HIDDEN), weights[FIRST:].reshape(-1, 2)
 
 
 def act(numbers, layers):
@@ -51,11 +54,11 @@ def act(numbers, layers):
         return 0.0, 0.0
     seen = features(numbers, distance)
     mirrored = [sign * seen[place] for sign, place in zip(SIGNS, MIRROR, strict=True)]
-    hidden = np.array([seen, mirrored]) @ layers[0]
+    both = np.array([seen, mirrored])
+    hidden = both @ layers[0]
     hidden /= 1.0 + np.abs(hidden)
-    (inward, aside), (mirrored_inward, mirrored_aside) = (
-        hidden @ layers[1][:HIDDEN] + layers[1][HIDDEN]
-    ).tolist()
+    answers = both @ layers[1][:FEATURES] + hidden @ layers[1][FEATURES:]
+    (inward, aside), (mirrored_inward, mirrored_aside) = answers.tolist()
     inward, aside = inward + mirrored_inward, aside - mirrored_aside
     # What is longer than the longest step is as long as that.
     scale = distance * max(1.0, hypot(inward, aside))
@@ -117,9 +120,8 @@ WEIGHTS = """
 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000
 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000
 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000
+0.5000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000
 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000
-0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000
-0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000
-0.0000 0.0000 0.5000 0.0000
+0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000
 """
 NETWORK = network(np.array([float(weight) for weight in WEIGHTS.split()]))

@@ -27,14 +27,7 @@ from encircle.protocol.process.log import say, say_error
 
 HERE = Path(__file__).parent
 MARK = "# The weights, and how they came about, are train.py's.\n"
-SCENE = {
-    "title": "a hunt for a target as fast as the robots, half of the packets lost",
-    "ticks_max": 150,
-    "team": {"robots": 4, "placement": {"distance_m_min": 4.0, "distance_m_max": 10.0}},
-    "target": {"behaviour": "flee", "step_m_max": 0.3},
-    "sensing": {"noise_m_std": 0.02},
-    "channel": {"loss": {"model": "bernoulli", "rate": 0.5}},
-}
+SCENE = HERE / "scene.toml"
 REWARD = {"capture": 10.0, "tick": 0.02, "near": 1.0, "around": 1.0, "discount": 1.0}
 SEEDS = range(1, 1001)
 """Those that it is trained on; what it can do is to be told of others."""
@@ -82,8 +75,8 @@ def train(path, options, hunt):
     size = code(path).SIZE
     draws = np.random.default_rng(options.seed)
     mean, slope, square = np.zeros(size), np.zeros(size), np.zeros(size)
-    # The bias of how far inwards, of a situation and of its mirror image.
-    mean[-2] = 0.5
+    # How far inwards whatever is seen: half of it, and half in the mirror.
+    mean[code(path).FIRST] = 0.5
     for generation in range(1, options.generations + 1):
         aside = draws.standard_normal((options.pairs, size))
         seeds = draws.choice(SEEDS, options.hunts, replace=False).tolist()
