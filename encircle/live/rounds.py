@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 from encircle.protocol.codec import decode
 from encircle.protocol.errors import ProtocolError, WrongSender
 from encircle.protocol.keys import parse_key
-from encircle.protocol.messages import Command, End, Observation, Setup
+from encircle.protocol.messages import Command, End, Intervention, Observation, Setup
+from encircle.world.loading.interventions import INTERVENTIONS_MAX
 from encircle.world.recording.schemas import KINDS
 
 Message = tuple[int, str, bytes]
@@ -24,7 +25,7 @@ ROUNDS_WAITED_MAX = 8
 ROUNDS_PATIENT = 4
 """How many later rounds must be there before it is believed that a robot was lost in one."""
 ROUNDS_KEPT_MAX = 64
-PARTS = ("state", "setup", "observation", "pose", "command", "radio", "end")
+PARTS = ("state", "setup", "observation", "intervention", "pose", "command", "radio", "end")
 """The order of channels within a round."""
 
 
@@ -41,6 +42,8 @@ class _Open:
     """A round that is being heard: payloads by channel and robot, and what they tell of it."""
 
     payloads: dict[tuple[str, str], bytes] = field(default_factory=dict)
+    interventions: list[bytes] = field(default_factory=list)
+    """Those given at this tick, in their order; they are sent once."""
     lost: frozenset[str] = frozenset()
     silent: set[str] = field(default_factory=set)
     """Those whose command says that no pose goes with it."""
@@ -86,7 +89,10 @@ class RoundCollector:
         if self._next is not None and tick < self._next:
             return []
         opened = self._open.setdefault(tick, _Open())
-        if opened.payloads.setdefault((channel, robot), payload) is payload:
+        if isinstance(message, Intervention):
+            opened.interventions.append(payload)
+            del opened.interventions[INTERVENTIONS_MAX:]
+        elif opened.payloads.setdefault((channel, robot), payload) is payload:
             if isinstance(message, Observation):
                 opened.lost |= frozenset(message.lost)
             elif isinstance(message, Command) and not message.published:
@@ -136,16 +142,15 @@ class RoundCollector:
         self.missed_ticks += not whole
         self._next = tick + 1
         closed = self._open.pop(tick)
-        payloads, self._lost_before = closed.payloads, closed.lost
+        self._lost_before = closed.lost
         order = {robot: number for number, robot in enumerate(("world", *self._robots))}
-        keys = sorted(payloads, key=lambda k: (PARTS.index(k[0]), order[k[1]]))
-        messages = [
-            (tick, f"world/{channel}" if robot == "world" else f"robots/{robot}/{channel}")
-            for channel, robot in keys
-        ]
+        messages = [(key, payload) for key, payload in closed.payloads.items()]
+        messages += [(("intervention", "world"), payload) for payload in closed.interventions]
+        # Sorting keeps the order of interventions.
+        messages.sort(key=lambda message: (PARTS.index(message[0][0]), order[message[0][1]]))
         return Round(
             tick,
-            tuple((t, topic, payloads[k]) for (t, topic), k in zip(messages, keys, strict=True)),
+            tuple([(tick, _topic(*key), payload) for key, payload in messages]),
             whole,
         )
 
@@ -186,3 +191,7 @@ class RoundCollector:
         return following is not None and (
             robot in following.lost or ("setup", robot) in following.payloads
         )
+
+
+def _topic(channel: str, robot: str) -> str:
+    return f"world/{channel}" if robot == "world" else f"robots/{robot}/{channel}"

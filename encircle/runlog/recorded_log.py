@@ -20,7 +20,6 @@ from encircle.runlog.runlog import Belief, Rounds, RunLog, belief_of, log_of
 from encircle.world.arena.engine import Arena, build, initial, truth
 from encircle.world.loading.interventions import as_played
 from encircle.world.recording.recording import Recording, RecordingError
-from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
 
@@ -48,7 +47,7 @@ def log_of_messages(
     for tick, topic, payload in messages:
         try:
             builder.take(tick, topic, payload)
-        except (ProtocolError, ScenarioError) as error:
+        except ProtocolError as error:
             raise RecordingError(f"{topic} of tick {tick}: {error}") from None
     return builder.log()
 

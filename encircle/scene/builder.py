@@ -42,9 +42,8 @@ from encircle.scene.frame import Frame
 from encircle.scene.frame_maker import FrameMaker, Round
 from encircle.scene.stage import Stage, stage_of
 from encircle.world.arena.engine import build, initial, truth
-from encircle.world.loading.interventions import as_played
+from encircle.world.loading.interventions import recorded_event
 from encircle.world.recording.recording import Recording, RecordingError
-from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
 ROUNDS_AHEAD = 2
@@ -75,7 +74,6 @@ class SceneBuilder:
         self.stage = stage_of(scenario, seed, run)
         self.ended: str | None = None
         self._run = run
-        self._scenario = scenario
         self._robots = scenario.ids
         self._by_clock = scenario.clock == "wall"
         self._rounds: dict[int, Round] = {}
@@ -133,11 +131,7 @@ class SceneBuilder:
 
     def _take_intervention(self, payload: bytes) -> None:
         """An event was given while the run goes on; it takes effect at a later tick."""
-        try:
-            self._scenario = as_played(self._scenario, payload, self._run)
-        except ScenarioError as error:
-            raise MalformedMessage(f"Intervention: {error}") from None
-        self._maker.add_event(self._scenario.events[-1])
+        self._maker.add_event(recorded_event(payload, self._run, self._robots))
 
     def _take_observation(self, tick: int | None, robot: str, payload: bytes) -> None:
         if tick is None:

@@ -6,6 +6,7 @@ from math import hypot
 from encircle.protocol.endings import EndReason
 from encircle.protocol.messages import State
 from encircle.scene.frame import Event
+from encircle.world.loading.interventions import INTERVENTIONS_MAX
 from encircle.world.scenario.channel_events import (
     Change,
     Cut,
@@ -37,11 +38,19 @@ class Schedule:
         self._events = list(scenario.events)
         self._spans = cut_spans(self._events)
         self._written = len(self._events)
+        self._known = list(self._events)
 
     def add(self, event: ScenarioEvent) -> None:
-        """One event more, the last in order."""
-        self._events.append(event)
-        self._spans = cut_spans(self._events)
+        """One event more, the last in order.
+
+        A viewer that comes late has been told the scenario with all that was given before, and may
+        hear of the newest of that again.
+        """
+        if event in self._known:
+            self._known.remove(event)
+        elif len(self._events) - self._written < INTERVENTIONS_MAX:
+            self._events.append(event)
+            self._spans = cut_spans(self._events)
 
     def silent(self, tick: int) -> set[int]:
         """Indices of the robots whose radio is off at a tick."""

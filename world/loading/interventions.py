@@ -6,12 +6,13 @@ the *scenario as played*. Here is what is checked of one before it counts, and h
 played is put together; the world applies them (``encircle.world.coordinator.round_engine``).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
 from encircle.protocol.codec import decode
+from encircle.protocol.errors import MalformedMessage
 from encircle.protocol.messages import Intervention
 from encircle.world.loading.channel_consistency import problems_of_events
 from encircle.world.scenario.errors import ScenarioError
@@ -64,16 +65,27 @@ def table_of(event: Event) -> dict[str, Any]:
     return table
 
 
+def recorded_event(payload: bytes, run: str, robots: Sequence[str]) -> Event:
+    """The event in the payload of an Intervention; ``ProtocolError`` if it holds none of a team."""
+    tree = {"intervention": decode(Intervention, payload, run).event}
+    try:
+        event = _Given.model_validate(tree).intervention
+    except ValidationError as error:
+        problems = list(problems_in(error, _Given, tree).values())
+    else:
+        named = problems_of_events([event], robots)
+        problems = [line.replace("events.0", "intervention") for line in named]
+        if not problems:
+            return event
+    raise MalformedMessage(f"Intervention: {_refused(problems)}")
+
+
 def as_played(scenario: Scenario, payload: bytes, run: str) -> Scenario:
     """The scenario as played, with one recorded intervention more: the payload of its message.
 
-    ``ProtocolError`` if it is no such message, ``ScenarioError`` if it holds no event.
+    ``ProtocolError`` as ``recorded_event``.
     """
-    event = decode(Intervention, payload, run).event
-    try:
-        return scenario.with_event(_Given.model_validate({"intervention": event}).intervention)
-    except ValidationError as error:
-        raise _refused(list(problems_in(error, _Given, {"intervention": event}).values())) from None
+    return scenario.with_event(recorded_event(payload, run, scenario.ids))
 
 
 def _refused(problems: list[str]) -> InterventionRefused:

@@ -20,11 +20,19 @@ CRASH = ({"kind": "crash", "robot": "r2", "tick": 10, "ticks": 15},)
 ROBOTS = ("r1", "r2", "r3", "r4")
 
 
-@pytest.fixture(scope="module", params=["plain", "crash"])
+@pytest.fixture(scope="module", params=["plain", "crash", "by hand"])
 def recording(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded") / "run"
     events = list(CRASH) if request.param == "crash" else []
-    encircle.run(LONG | LOSSY | {"events": events}, link="memory", out=folder)
+    interventions = encircle.Interventions()
+    for rate in (0.1, 0.9, 0.1) if request.param == "by hand" else ():
+        interventions.give({"kind": "loss", "rate": rate})
+    encircle.run(
+        LONG | LOSSY | {"events": events},
+        link="memory",
+        out=folder,
+        interventions=interventions,
+    )
     return read_recording(folder)
 
 

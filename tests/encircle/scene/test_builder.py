@@ -4,17 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers_interventions import hunted_with
 from helpers_scenarios import scenario_of
-from helpers_scene import frames_of, hunted
+from helpers_scene import RUN, frames_of, hunted
+from helpers_world import RUN as TESTED
 
 from encircle.measures.choice import shared_points
 from encircle.measures.common import links, links_there
 from encircle.measures.motion import gaps_rad, hunting
 from encircle.measures.radio import ages_ticks
 from encircle.measures.ring_closure import slacks_rad
+from encircle.protocol.codec import encode
+from encircle.protocol.errors import MalformedMessage
+from encircle.protocol.messages import Intervention
 from encircle.runlog.ground_truth import ground_truth_of
-from encircle.scene.builder import scene_of_recording
+from encircle.scene.builder import SceneBuilder, scene_of_recording
 from encircle.scene.frame import DELIVERY_TICKS
+from encircle.world.loading.interventions import as_played
+from encircle.world.loading.load import load
 
 LOSS = "channel.loss={model='bernoulli', rate=0.3}"
 DELAY = "channel.delay={model='uniform', low_s=0.05, high_s=0.6}"
@@ -158,3 +165,50 @@ def test_a_recording_that_is_cut_off_gives_the_beginning():
     cut = replace(recording, messages=(), complete=False)
     (start,) = scene_of_recording(cut).frames
     assert (start.robots, start.tick) == (frames[0].robots, 0)
+
+
+BY_HAND = {
+    3: [{"kind": "loss", "rate": 0.6}, {"kind": "silence", "robot": "r2", "ticks": 4}],
+    6: [{"kind": "move-target", "position": [3.0, 1.0], "tick": 9}, {"kind": "heal"}],
+}
+
+
+def test_what_is_given_while_the_run_goes_on_shows_as_if_it_had_been_written():
+    scenario = load("sim1", ["ticks_max=14"])
+    _, messages = hunted_with(scenario, BY_HAND)
+    told = [(tick, key.split("/", 2)[2], payload) for tick, key, payload in messages]
+    shown = []
+    # A viewer knows the scenario as written, or with all that was given before it came.
+    for known in (scenario, played(scenario, told)):
+        builder, frames = SceneBuilder(known, scenario.seed, TESTED), []
+        for message in told:
+            frames += builder.take(*message)
+        shown.append(frames + builder.finish())
+    plain = [replace(f, events=()) for f in shown[0]]
+    assert plain == [replace(f, events=()) for f in shown[1]]
+    written, _ = hunted(played(scenario, told), seed=scenario.seed)
+    expected = frames_of(written)
+    assert [f.silent for f in shown[0]] == [f.silent for f in expected]
+    assert sum(f.silent[1] for f in expected) == 3
+    for frames in shown:
+        for frame, as_expected in zip(frames, expected, strict=True):
+            texts = [event.text.removeprefix("by hand: ") for event in frame.events]
+            assert texts == [event.text for event in as_expected.events]
+    by_hand = [(f.tick, e.kind) for f in shown[0] for e in f.events if "by hand" in e.text]
+    assert by_hand == [(4, "loss"), (4, "silence"), (7, "heal"), (9, "moved")]
+
+
+def played(scenario, messages):
+    for _, topic, payload in messages:
+        if topic == "world/intervention":
+            scenario = as_played(scenario, payload, TESTED)
+    return scenario
+
+
+@pytest.mark.parametrize(
+    "event", [{"kind": "silence", "tick": 3, "robot": "r9"}, {"kind": "storm"}, {}]
+)
+def test_an_intervention_of_a_stranger_that_makes_no_sense_is_refused(event):
+    builder = SceneBuilder(load("sim1"), 1, RUN)
+    with pytest.raises(MalformedMessage, match="Intervention: intervention"):
+        builder.take(2, "world/intervention", encode(Intervention(2, event), RUN))

@@ -26,12 +26,13 @@ from encircle.world.recording.resuming import digest_of, rebuild
 from encircle.world.recording.run_directory import versions
 
 
-def recording_of(scenario, messages):
+def recording_of(scenario, messages, played=None):
     """A recording that holds these messages, as if it had been read."""
     topics = [(tick, key.split("/", 2)[2], payload) for tick, key, payload in messages]
-    played = scenario
-    for _, _, payload in given(messages):
-        played = as_played(played, payload, RUN)
+    if played is None:
+        played = scenario
+        for _, _, payload in given(messages):
+            played = as_played(played, payload, RUN)
     return Recording(
         Path("recording.mcap"),
         played,
@@ -153,4 +154,4 @@ def test_an_intervention_that_was_changed_on_disk_is_refused_with_the_place():
         other = encode(replace(decode(Intervention, payload, RUN), event=event), RUN)
         tampered = [*messages[:place], (tick, key, other), *messages[place + 1 :]]
         with pytest.raises(RecordingError, match=reason):
-            rebuild(recording_of(scenario, tampered))
+            rebuild(recording_of(scenario, tampered, played=scenario))
