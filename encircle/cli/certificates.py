@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from encircle.extras import needing
 from encircle.protocol.process.log import say, say_error
 from encircle.protocol.programs.option_values import whole_number
 from encircle.protocol.programs.options import Options
@@ -35,15 +36,12 @@ def main(arguments: Sequence[str], program: str) -> int:
         metavar="N",
     )
     settings = options.parse(arguments)
-    try:
+    with needing("making certificates"):
         from encircle.network.certificates import (
             CertificateError,
             describe_certificates,
             make_certificates,
         )
-    except ModuleNotFoundError as error:
-        say_error(f"encircle: certificates need {error.name}: pip install 'encircle[security]'")
-        return 2
     try:
         made = make_certificates(settings.directory, settings.robots, settings.host, settings.days)
     except CertificateError as error:

@@ -4,8 +4,8 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from encircle import laboratory
 from encircle.cli.shipped import listed_studies
+from encircle.extras import needing
 from encircle.protocol.process.interrupts import Interrupted
 from encircle.protocol.process.log import say, say_error
 from encircle.protocol.programs.option_values import one_of, whole_number_in
@@ -68,14 +68,9 @@ def study_main(arguments: Sequence[str], program: str) -> int:
     # Imported late: a list need not wait for tables and figures.
     from encircle.studies.plan import StudyError
 
-    try:
+    with needing("a study", "studies"):
         from encircle.studies.command import Request, run_study, show
         from encircle.studies.workers import StudyFailed
-    except ModuleNotFoundError as error:
-        if error.name in laboratory.PACKAGES:
-            raise
-        say_error(f"encircle: studies need {error.name}: install encircle[studies]")
-        return 2
     request = Request(
         settings.name,
         settings.out,

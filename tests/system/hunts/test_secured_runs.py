@@ -180,6 +180,6 @@ def test_certificates_that_cannot_be_made_are_one_line(tmp_path, monkeypatch):
     done = certificates(str(tmp_path / "lab"), "--robots", "1")
     assert done.returncode == 2
     assert done.stderr == (
-        "encircle: certificates need cryptography: pip install 'encircle[security]'\n"
+        'encircle: making certificates needs cryptography: pip install "encircle[security]"\n'
     )
     assert not (tmp_path / "lab").exists()

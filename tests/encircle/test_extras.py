@@ -1,0 +1,66 @@
+"""Packages of extras: the table is that of pyproject.toml; a missing one is told in one line."""
+
+import re
+import tomllib
+
+import pytest
+from helpers_paths import ROOT
+
+from encircle.cli.main import main
+from encircle.extras import PACKAGES, MissingExtra, missing_line, needing
+
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+NAMES = {
+    extra: {re.match(r"[\w-]+", line)[0] for line in lines}
+    for extra, lines in EXTRAS.items()
+    if extra != "docs"  # nothing of ours imports those
+}
+BROUGHT_ALONG = {"gymnasium": "pettingzoo"}
+"""Packages that others depend on."""
+
+
+def test_the_table_has_the_packages_of_all_extras():
+    listed = {package.distribution for package in PACKAGES.values()}
+    assert listed - BROUGHT_ALONG.keys() == set.union(*NAMES.values())
+    for distribution, extra in PACKAGES.values():
+        assert BROUGHT_ALONG.get(distribution, distribution) in NAMES[extra]
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "line"),
+    [
+        ("rerun", None, '--to it needs rerun-sdk: pip install "encircle[export]"'),
+        ("rerun.blueprint", None, '--to it needs rerun-sdk: pip install "encircle[export]"'),
+        ("pyarrow", "export", '--to it needs pyarrow: pip install "encircle[export]"'),
+        ("PIL.Image", None, '--to it needs pillow: pip install "encircle[export]"'),
+    ],
+)
+def test_what_is_missing_is_told_with_the_way_to_get_it(module, extra, line):
+    with pytest.raises(MissingExtra) as raised, needing("--to it", extra):
+        raise ModuleNotFoundError("no", name=module)
+    assert str(raised.value) == line
+
+
+def test_a_module_of_no_extra_is_somebody_elses_error():
+    with pytest.raises(ModuleNotFoundError, match="no such"), needing("--to it"):
+        raise ModuleNotFoundError("no such", name="my_own")
+    assert missing_line(ModuleNotFoundError("no name")) is None
+
+
+@pytest.mark.parametrize(
+    ("module", "status", "said"),
+    [
+        ("tornado.web", 2, 'encircle: this command needs tornado: pip install "encircle[viewer]"'),
+        ("rich", 2, "encircle: this command needs rich, which an image for nodes leaves out"),
+    ],
+)
+def test_the_command_line_says_so_in_one_line(monkeypatch, capsys, module, status, said):
+    def missing(_arguments, _program):
+        raise ModuleNotFoundError("no", name=module)
+
+    monkeypatch.setattr("encircle.cli.scenarios.main", missing)
+    assert main(["scenarios"]) == status
+    printed = capsys.readouterr()
+    assert printed.err.startswith(said)
+    assert printed.err.count("\n") == 1
+    assert printed.out == ""
