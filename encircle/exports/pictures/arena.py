@@ -24,6 +24,8 @@ RADIUS_PX_MIN = 5.0
 """No robot is drawn smaller."""
 GRID_PX_MIN = 60.0
 RING_MISFIT_M_MAX = 0.3
+PACKET_PX, SMALL_PACKET_PX, SMALL_TEAM = 4.6, 3.6, 8
+"""Radii of packets, the smaller one in teams of more robots than that."""
 LANE_PX = 3.5
 """How far packets fly to the right of the line between two robots, so that both ways differ."""
 
@@ -171,7 +173,7 @@ class ArenaPainter:
         )
 
     def robots(self, moment: Moment) -> None:
-        """Bodies with their names; a lost robot is crossed out, a silent one has a broken rim."""
+        """Bodies; a lost robot is crossed out, a silent one has a broken rim."""
         frame, unit = moment.frame, self.sheet.unit
         radius = self.radius
         for k, place in enumerate(moment.robots):
@@ -194,8 +196,11 @@ class ArenaPainter:
                         (at[0] + away, at[1] + side * away),
                     ]
                     self.sheet.canvas.line(ends, self.sheet.colours["ink"], 2.0 * unit)
-            if self.faint == 1.0:
-                self._name(self.sheet.stage.robots[k], at, radius, moment)
+
+    def names(self, moment: Moment) -> None:
+        """The robots' names, over everything."""
+        for name, place in zip(self.sheet.stage.robots, moment.robots, strict=True):
+            self._name(name, self.camera.at(place), self.radius, moment)
 
     def _name(self, name: str, at: XY, radius: float, moment: Moment) -> None:
         """A robot's name in its disc, or on the side away from the target if that is small."""
@@ -212,7 +217,8 @@ class ArenaPainter:
 
     def packets(self, flights: Sequence[Flight]) -> None:
         """Packets on their links, and crosses where some were lost; what arrives is drawn last."""
-        radius = 4.6 * self.sheet.unit
+        is_large = len(self.sheet.stage.robots) > SMALL_TEAM
+        radius = (SMALL_PACKET_PX if is_large else PACKET_PX) * self.sheet.unit
         lost = [flight for flight in flights if flight.fading >= 0.0]
         flying = [flight for flight in flights if flight.fading < 0.0]
         for flight in lost:

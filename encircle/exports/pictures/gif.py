@@ -15,7 +15,8 @@ from PIL import Image
 
 from encircle.exports.pictures.canvas import Pixels
 
-GIF_COLOURS = 256
+GIF_COLOURS = 96
+"""More would make a larger file, and no better a picture of lines and flat colours."""
 UNKNOWN = -1
 GIF_TIMES_PER_S = 100
 """A GIF counts time in hundredths of a second."""

@@ -49,9 +49,10 @@ def moment_at(frames: Sequence[Frame], ticks: float) -> Moment:
     return Moment(ticks, row, now, decided, robots, target)
 
 
-def clock_text(stage: Stage, ticks: float) -> str:
-    """The time in s of a moment, as it is shown."""
-    return f"{ticks * stage.tick_s:.1f} s"
+def clock_text(stage: Stage, tick: int) -> str:
+    """The time of a tick in s, with as many decimals as a tick has, one to three."""
+    decimals = next((n for n in (1, 2) if round(stage.tick_s, n) == stage.tick_s), 3)
+    return f"{tick * stage.tick_s:.{decimals}f} s"
 
 
 def _between(a: Place, b: Place, share: float) -> Place:

@@ -16,7 +16,7 @@ from encircle.scene.palette import robot_colour
 
 LINE = 1.65
 """From line to line, in sizes of letters."""
-CHART_LINES_MIN, CHART_LINES_MAX = 4.5, 11.0
+CHART_LINES_MIN, CHART_LINES_MAX = 4.5, 15.0
 Floats = NDArray[np.float64]
 
 
@@ -51,7 +51,7 @@ class PanelPainter:
             self.sheet.letters,
         )
         self.sheet.canvas.text(
-            clock_text(self.sheet.stage, moment.ticks), (left, y), 2.1 * size, ink, bold=True
+            clock_text(self.sheet.stage, moment.frame.tick), (left, y), 2.1 * size, ink, bold=True
         )
         text = f"tick {moment.frame.tick}"
         self.sheet.canvas.text(text, (right, y - 0.55 * size), size, ink, "right")
@@ -67,7 +67,7 @@ class PanelPainter:
         )
         self.sheet.canvas.text("Packets", (left, y), size, ink, bold=True)
         total = sum(counts.values())
-        self.sheet.canvas.text(f"{total:,}", (right - 3.4 * size, y), size, ink, "right", True)
+        self.sheet.canvas.text(f"{total:,}", (right - 3.9 * size, y), size, ink, "right", True)
         y += LINE * size
         for fate in self.fates:
             style = style_of(fate)
@@ -76,11 +76,11 @@ class PanelPainter:
                 self.sheet.canvas, style, self.sheet.colours[style.role], at, 5.0 * self.sheet.unit
             )
             name = fate_text(fate)
-            room = right - left - 1.5 * size - 6.4 * size
+            room = right - left - 1.5 * size - 6.9 * size
             name = shortened(name, room, size)
             self.sheet.canvas.text(name, (left + 1.5 * size, y), size, ink)
             count = counts.get(fate, 0)
-            self.sheet.canvas.text(f"{count:,}", (right - 3.4 * size, y), size, ink, "right")
+            self.sheet.canvas.text(f"{count:,}", (right - 3.9 * size, y), size, ink, "right")
             share = f"{100.0 * count / total:.0f} %" if total else ""
             self.sheet.canvas.text(share, (right, y), size, muted, "right")
             y += LINE * size
@@ -178,5 +178,5 @@ def fate_text(fate: str) -> str:
 def _round_up(value: float) -> float:
     """The next round number at or above a value."""
     decade = 10.0 ** np.floor(np.log10(max(value, 1e-3)))
-    factors = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+    factors = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
     return float(next(f * decade for f in factors if f * decade >= value * (1.0 - 1e-9)))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from encircle.exports.pictures.arena import ArenaPainter
+from encircle.exports.pictures.arena import SMALL_TEAM, ArenaPainter
 from encircle.exports.pictures.belief import draw_belief
 from encircle.exports.pictures.camera import camera_path
 from encircle.exports.pictures.canvas import Canvas, Pixels
@@ -51,10 +51,7 @@ class Picture:
         self._stage, self._frames, self._style = scene.stage, scene.frames, style
         self._layout = layout_of(*style.size)
         self._positions = positions_of(scene.frames)
-        lingering_ticks = LINGERING_S * style.speed / self._stage.tick_s
-        self._flights = Flights(
-            scene.frames, self._stage.causes, max(LINGERING_TICKS_MIN, lingering_ticks)
-        )
+        self._flights = Flights(scene.frames, self._stage.causes, self._lingering_ticks())
         around_m = max(self._stage.stop_distance_m, self._stage.radius_m)
         self._path = camera_path(
             *(self._positions, self._stage.radius_m, around_m),
@@ -84,6 +81,12 @@ class Picture:
         panel.draw(moment, self._flights.counts(moment.frame.tick))
         return canvas.pixels()
 
+    def _lingering_ticks(self) -> float:
+        """How long crosses stay; in a large team there would be too many at a time."""
+        if len(self._stage.robots) > SMALL_TEAM:
+            return LINGERING_TICKS_MIN
+        return max(LINGERING_TICKS_MIN, LINGERING_S * self._style.speed / self._stage.tick_s)
+
     def _all_fates(self) -> list[str]:
         """The fates that occur, in the palette's order."""
         counts = self._flights.counts(self._frames[-1].tick)
@@ -106,4 +109,6 @@ class Picture:
         if self._style.packets:
             flights = self._flights.at(moment.ticks, moment.robots)
             painter.packets([f for f in flights if believer in (None, f.receiver)])
+        if belief is None:
+            painter.names(moment)
         painter.scale_bar()
