@@ -59,11 +59,10 @@ FORMATS: dict[str, Format] = {
         "a video for talks and pages", "encircle.exports.video", "export", ".mp4", "export_mp4"
     ),
     "gif": Format(
-        "an animation, smaller and coarser",
-        "encircle.exports.video",
-        "export",
-        ".gif",
-        "export_gif",
+        "an animation, smaller and coarser", "encircle.exports.video", "", ".gif", "export_gif"
+    ),
+    "png": Format(
+        "a picture of one tick of a video", "encircle.exports.video", "", ".png", "export_png"
     ),
 }
 VIDEO_OPTIONS = {
@@ -71,6 +70,7 @@ VIDEO_OPTIONS = {
     "speed": ("seconds of the run in a second; 1 if left out", "X"),
     "size": ("pixels; 1280x720, of gif 800x450, if left out", "WxH"),
     "belief": ("draw the world as this robot believes it, over the truth", "ROBOT"),
+    "tick": ("of png: which, as 20.5; the last one if left out", "T"),
     "theme": ("light, the default, or dark", "THEME"),
 }
 """What they are for, and what their values are called in the help."""

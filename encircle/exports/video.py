@@ -1,4 +1,4 @@
-"""``encircle export RUN --to mp4`` and ``--to gif``: a hunt as a video.
+"""``encircle export RUN --to mp4``, ``gif`` and ``png``: a hunt as a video, or a tick of it.
 
 The pictures are those of ``encircle.exports.pictures``. A video lasts as long as the run, divided
 by the speed, and a second more, in which the end stands still.
@@ -77,6 +77,31 @@ def export_gif(
     moments = list(timeline.moments())
     samples = [picture.at(t) for t in moments[:: -(-len(moments) // SAMPLES_MAX)]]
     write_gif(_pictures(picture, timeline), out, timeline.times_s(), samples, style.colours)
+
+
+def export_png(
+    recording: Recording,
+    out: Path,
+    *,
+    tick: float | None = None,
+    size: str = "1280x720",
+    belief: str = "",
+    packets: bool = True,
+    theme: str = "light",
+) -> None:
+    """Write the picture of one moment of a recording.
+
+    ``tick``: which, and the share of one that has passed: at 20.5 packets are half-way; the last
+    one if left out. The other options are those of ``export_mp4``. Raises ``VideoError``.
+    """
+    from PIL import Image
+
+    picture, timeline, _ = _prepared(recording, FPS_MAX, 30.0, 1.0, size, belief, packets, theme)
+    first, last = timeline.first_tick, timeline.first_tick + timeline.ticks
+    if tick is not None and not first <= tick <= last:
+        raise VideoError(f"tick {tick:g}: must be from {first} to {last}")
+    pixels = picture.at(last if tick is None else tick)
+    Image.fromarray(pixels).save(out, format="PNG", optimize=True)
 
 
 def _prepared(

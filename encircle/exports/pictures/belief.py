@@ -45,7 +45,9 @@ def draw_belief(painter: ArenaPainter, moment: Moment, believer: int, belief: Be
     at, colour = camera.at((x, y)), sheet.colours["target"]
     if belief.covariance is not None:
         spread_m = sqrt(ELLIPSE_CHI2 * max(belief.covariance[0], 0.0))
-        canvas.disc(at, spread_m * camera.pixels_per_m, colour, colour, 1.4 * unit, 0.22)
+        spread = spread_m * camera.pixels_per_m
+        canvas.disc(at, spread, colour, alpha=0.10)
+        canvas.disc(at, spread, "", colour, 1.4 * unit, 0.8, (7 * unit, 4 * unit))
     if belief.prediction:
         ahead = [at, *(camera.at(place) for place in belief.prediction)]
         canvas.line(ahead, colour, 1.8 * unit, 0.9, (2 * unit, 4 * unit))

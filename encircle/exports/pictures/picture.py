@@ -18,7 +18,7 @@ from encircle.scene.builder import Scene
 from encircle.scene.frame import Belief
 from encircle.scene.palette import LOST, ROBOTS, THEMES
 
-LINGERING_S, LINGERING_TICKS_MIN = 0.25, 1.0
+LINGERING_S, LINGERING_TICKS_MIN = 0.35, 1.0
 """How long the cross of a lost packet stays: in s of the video, and at least in ticks."""
 PALE = 0.35
 """How strong the truth is drawn where a belief is."""

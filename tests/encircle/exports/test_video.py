@@ -8,7 +8,7 @@ from helpers_exports import lossy_hunt
 
 from encircle.cli.exporting import FORMATS, main
 from encircle.exports import video
-from encircle.exports.video import VideoError, export_gif, export_mp4
+from encircle.exports.video import VideoError, export_gif, export_mp4, export_png
 from encircle.runner.hunts import run
 from encircle.scene.palette import LIGHT, ROBOTS
 
@@ -185,6 +185,25 @@ def test_the_command_takes_the_options_of_videos(tmp_path, capsys):
     assert not (tmp_path / "other").exists()
 
 
-def test_both_formats_stand_in_the_table():
-    assert [FORMATS[name].suffix for name in ("mp4", "gif")] == [".mp4", ".gif"]
-    assert {FORMATS[name].extra for name in ("mp4", "gif")} == {"export"}
+def test_all_three_formats_stand_in_the_table():
+    names = ("mp4", "gif", "png")
+    assert [FORMATS[name].suffix for name in names] == [".mp4", ".gif", ".png"]
+    # Pillow comes with matplotlib, which is in the base install.
+    assert [FORMATS[name].extra for name in names] == ["export", "", ""]
+
+
+def test_a_picture_is_that_of_its_tick_in_the_video(tmp_path):
+    """The last picture of a video without loss of colours: a GIF's own colours are exact."""
+    export_png(lossy_hunt(), tmp_path / "a.png", size=SMALL)
+    export_png(lossy_hunt(), tmp_path / "b.png", size=SMALL, tick=10.5)
+    export_gif(lossy_hunt(), tmp_path / "a.gif", size=SMALL, fps=2.0)
+    last, middle = (np.array(Image.open(tmp_path / name)) for name in ("a.png", "b.png"))
+    assert last.shape == middle.shape == (270, 480, 3)
+    shown = animated(tmp_path / "a.gif")[3][-1].astype(int)
+    assert np.abs(shown - last).mean() < 1.0 < np.abs(shown - middle).mean()
+
+
+@pytest.mark.parametrize("tick", [-1.0, 24.5, float("nan")])
+def test_a_tick_that_the_run_does_not_have(tmp_path, tick):
+    with pytest.raises(VideoError, match=f"tick {tick:g}: must be from 0 to 24"):
+        export_png(lossy_hunt(), tmp_path / "a.png", tick=tick)
