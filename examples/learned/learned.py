@@ -55,15 +55,20 @@ def act(numbers, layers):
     seen = features(numbers, distance)
     mirrored = [sign * seen[place] for sign, place in zip(SIGNS, MIRROR, strict=True)]
     both = np.array([seen, mirrored])
-    hidden = both @ layers[0]
+    hidden = product(both, layers[0])
     hidden /= 1.0 + np.abs(hidden)
-    answers = both @ layers[1][:FEATURES] + hidden @ layers[1][FEATURES:]
+    answers = product(np.hstack([both, hidden]), layers[1])
     (inward, aside), (mirrored_inward, mirrored_aside) = answers.tolist()
     inward, aside = inward + mirrored_inward, aside - mirrored_aside
     # What is longer than the longest step is as long as that.
     scale = distance * max(1.0, hypot(inward, aside))
     x, y = tx / scale, ty / scale
     return limited(inward * x + aside * y), limited(inward * y - aside * x)
+
+
+def product(rows, matrix):
+    """The matrix product, added up in one order on every machine, which ``@`` is not."""
+    return (rows[:, :, None] * matrix).sum(axis=1)
 
 
 def limited(number):

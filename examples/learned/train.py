@@ -83,7 +83,8 @@ def train(path, options, hunt):
         tried = np.concatenate([mean + SPREAD * aside, mean - SPREAD * aside])
         results = list(hunt(partial(reached, path, seeds=seeds), tried))
         weights = ranked(np.array([value for value, _ in results]))
-        pulled = (weights[: options.pairs] - weights[options.pairs :]) @ aside / options.pairs
+        better = weights[: options.pairs] - weights[options.pairs :]
+        pulled = (better[:, None] * aside).sum(axis=0) / options.pairs
         slope = DECAYS[0] * slope + (1 - DECAYS[0]) * pulled
         square = DECAYS[1] * square + (1 - DECAYS[1]) * pulled**2
         unbiased = slope / (1 - DECAYS[0] ** generation)

@@ -18,7 +18,7 @@ from helpers_agents import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from encircle.agents.brain.brain import initial, step
+from encircle.agents.brain.brain import act, initial, perceive, step
 from encircle.agents.policies.interface import Decision
 from encircle.agents.policies.registry import policy_named
 from encircle.protocol.messages import QUANTUM_M, Observation
@@ -398,3 +398,14 @@ def test_by_the_clock_event_triggered_packets_are_due_as_if_the_ticks_had_passed
     state, _ = run_brain(part, [observation(tick=k) for k in range(3)], None)
     for tick, due in ((9, False), (10, True)):
         assert (step(state, observation(tick=tick), [], part)[1].pose is not None) is due
+
+
+@CHEAP
+@given(situations())
+def test_its_halves_with_the_policys_decision_between_them_are_the_step(situation):
+    sensed, packets = situation
+    part = config()
+    state = state_at(part, 12)
+    perception = perceive(state, sensed, packets, part)
+    memory, decision = part.policy(state.memory, perception.view)
+    assert act(perception, memory, decision, part) == step(state, sensed, packets, part)

@@ -8,6 +8,7 @@ import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from encircle.learning import Reward, parallel_env
+from encircle.protocol.plugins import PluginFailed
 from encircle.world.scenario.errors import ScenarioError
 
 SCENE = {
@@ -213,6 +214,19 @@ def test_before_reset_and_after_the_end_nothing_can_be_done():
         env.step({})
     with pytest.raises(ValueError, match="seed = -1: must be a whole number"):
         env.reset(seed=-1)
+
+
+def test_a_target_whose_behaviour_fails_ends_it_with_its_line(tmp_path, monkeypatch):
+    text = (
+        "def sits(memory, view):\n    return (memory or 0) + 1, (0.0, 1.0 / (3 - (memory or 0)))\n"
+    )
+    (tmp_path / "sits.py").write_text(text)
+    monkeypatch.setenv("ENCIRCLE_POLICIES", str(tmp_path))
+    env = parallel_env({**SCENE, "target": {"behaviour": "sits.py:sits"}})
+    env.reset(seed=1)
+    with pytest.raises(PluginFailed, match=r"'sits.py:sits' failed at tick 3: ZeroDivisionError"):
+        while env.agents:
+            env.step(stills(env))
 
 
 @pytest.mark.parametrize("radio", ["world", "direct"])
