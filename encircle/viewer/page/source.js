@@ -114,6 +114,6 @@ scripts, under their own names. */
     const base64 = embeddedText();
     if (base64) return new EmbeddedSource(base64);
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    return new FeedSource(`${scheme}://${location.host}/feed`, position);
+    return new FeedSource(`${scheme}://${location.host}/feed${location.search}`, position);
   };
 })((window.encirclePage = window.encirclePage || {}));
