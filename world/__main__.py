@@ -24,7 +24,7 @@ from pathlib import Path
 from encircle.protocol.process.deferred_imports import UNUSED, lazy
 from encircle.protocol.process.interrupts import exit_process
 from encircle.protocol.process.log import say_error
-from encircle.protocol.programs.option_values import name_of, one_of, seconds, whole_number
+from encircle.protocol.programs.option_values import name_of, one_of, pace, seconds, whole_number
 from encircle.protocol.programs.options import Options, endpoints_of
 from encircle.protocol.zenoh.access_control import WORLD
 from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, ConfigurationError
@@ -73,6 +73,8 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
                 settings.resume,
             )
         where = replace(where, direct_radio=scenario.is_direct, message_bytes_max=TAKEN_BYTES_MAX)
+        if settings.pace is not None and scenario.clock == "wall":
+            options.error(f"--pace {settings.pace:g}: clock = 'wall' has a pace of its own")
         arena = build(scenario, scenario.seed)
         if resumed is None and settings.runs is not None:
             settings.out = new_directory(settings.runs, settings.scenario, scenario.seed)
@@ -82,6 +84,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
             settings.when_lost,
             settings.parent,
             settings.control,
+            settings.pace,
         )
         # A program that starts this world has shown them to its user already.
         remarks = [] if settings.parent else remarks_on(scenario)
@@ -163,6 +166,12 @@ def _options(program: str) -> Options:
         read=_when_lost,
         default="go-on",
         metavar="WHAT",
+    )
+    options.add(
+        "--pace",
+        "in lock-step: let ticks go by this many times faster than real time at most",
+        read=pace,
+        metavar="X",
     )
     options.add_flag(
         "--count-refusals", "if it listens: say at the end what certificates kept out; costs time"

@@ -7,12 +7,12 @@ is missed, noticed and told.
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 
 from encircle.live.inbox import Inbox
 from encircle.live.rounds import RoundCollector
-from encircle.live.scene_feed import SceneFeed
+from encircle.live.scene_feed import SceneFeed, names
 from encircle.live.updates import RunState, Status, Update
 from encircle.protocol.errors import ProtocolError, UnknownKey
 from encircle.protocol.keys import parse_key, robot_key, world_key
@@ -30,7 +30,6 @@ ASK_S_MAX, ASK_PERIOD_S = 1.0, 0.2
 TOKENS_S_MAX = 1.0
 LAST_STATE_S_MAX = 2.0
 """How long the last state may come after the end of the run was told."""
-SHOWN_MAX = 8
 
 Heard = tuple[str, bytes | bool]
 """A key with a message's payload, or with whether its token is there."""
@@ -44,12 +43,18 @@ class ZenohFeed:
     """A ``encircle.live.updates.Feed`` of a run over Zenoh.
 
     ``beliefs``: whether to work out what robots believe, which takes as long as they take to
-    decide. ``wait_s_max``: how long to wait for the run's world. Raises ``ConnectionFailed``, and
+    decide. ``wait_s_max``: how long to wait for the run's world. ``so_far``: what is recorded of a
+    run that is gone on with, (tick, key, payload). Raises ``ConnectionFailed``, and
     ``NothingToSee`` if no such world answers or its scenario cannot be understood here.
     """
 
     def __init__(
-        self, endpoints: Endpoints, run: str, beliefs: bool = True, wait_s_max: float = WAIT_S_MAX
+        self,
+        endpoints: Endpoints,
+        run: str,
+        beliefs: bool = True,
+        wait_s_max: float = WAIT_S_MAX,
+        so_far: Iterable[tuple[int, str, bytes]] = (),
     ) -> None:
         self.run = run
         self._where = endpoints
@@ -69,12 +74,12 @@ class ZenohFeed:
         self.seed = described.seed
         self._scene = SceneFeed(self.scenario, self.seed, run, beliefs)
         by_clock = self.scenario.clock == "wall"
-        self._beliefs = beliefs and not by_clock
         robots = self.scenario.ids
         self._rounds = RoundCollector(run, robots, self.scenario.ticks_max, by_clock)
         for robot, setup in zip(robots, described.setups, strict=False):
             # They may have been sent before anybody looked on.
             self._rounds.take(robot_key(run, robot, "setup"), setup)
+        self._recorded = [r for _, key, said in so_far for r in self._rounds.take(key, said)]
         self._there: set[str] = set()
         self._world_is_there = False
         self._ended_s: float | None = None
@@ -88,8 +93,8 @@ class ZenohFeed:
 
     def take(self, wait_s: float) -> Update:
         """What is new, as ``encircle.live.updates.Feed.take``."""
-        rounds = []
-        for key, what in [] if self._over else self._inbox.take(wait_s):
+        rounds, self._recorded = self._recorded, []
+        for key, what in [] if self._over else self._inbox.take(0.0 if rounds else wait_s):
             if isinstance(what, bool):
                 self._see(key, what)
             else:
@@ -128,8 +133,7 @@ class ZenohFeed:
                 f"the world of run {self.run} does not tell its scenario:"
                 " it is of an earlier version, or not of this program"
             )
-        names = ", ".join(runs[:SHOWN_MAX]) + (", ..." if len(runs) > SHOWN_MAX else "")
-        there = f"the runs there are {names}" if runs else "no run is there"
+        there = f"the runs there are {names(runs)}" if runs else "no run is there"
         return f"no world of run {self.run} answers at {self._where} for {waited_s:g} s; {there}"
 
     def _scenario(self, described: RunDescription) -> Scenario:
@@ -168,43 +172,18 @@ class ZenohFeed:
         self._over = has_last or late
 
     def _status(self) -> Status:
-        joined, tick = self._scene.joined_tick, (self._rounds.first_to_come or 0) - 1
-        missed = self._rounds.missed_ticks
-        if joined is None:
-            state, texts = RunState.WAITING, [self._waiting_text()]
-        else:
-            state, texts = RunState.RUNNING, []
+        scene, missed = self._scene, self._rounds.missed_ticks
         if self._over:
-            state = RunState.ENDED
-            texts = [f"{_ending(self._reason)} at tick {max(tick, 0)}"]
-        if joined:
-            texts.append(f"seen from tick {joined} on")
-        if missed:
-            texts.append(f"{missed} tick{'s' if missed > 1 else ''} missed")
-        if self._scene.unsure:
-            texts.append(f"beliefs of {_names(self._scene.unsure)} cannot be known")
-        return Status(
-            state,
-            "; ".join(texts),
-            complete=not joined and not missed,
-            missed_ticks=missed,
-            beliefs=self._beliefs,
-        )
+            return scene.status(RunState.ENDED, self._reason, missed)
+        if scene.joined_tick is None:
+            return Status(RunState.WAITING, self._waiting_text())
+        return scene.status(RunState.RUNNING, "", missed)
 
     def _waiting_text(self) -> str:
         absent = [robot for robot in self.scenario.ids if robot not in self._there]
-        return f"waiting for {_names(absent)}" if absent else "every robot is there"
+        return f"waiting for {names(absent)}" if absent else "every robot is there"
 
 
 def _size(heard: Heard) -> int:
     key, what = heard
     return len(key) + (len(what) if isinstance(what, bytes) else 0)
-
-
-def _ending(reason: str) -> str:
-    return {"captured": "captured", "ticks": "not captured: the time is over,"}.get(reason, reason)
-
-
-def _names(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:SHOWN_MAX])
-    return f"{shown} and {len(names) - SHOWN_MAX} more" if len(names) > SHOWN_MAX else shown

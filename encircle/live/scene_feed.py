@@ -1,8 +1,10 @@
 """From rounds of a running hunt to frames, whatever is missing or wrong in them. Sans I/O."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from encircle.live.rounds import Message, Round
+from encircle.live.updates import RunState, Status
+from encircle.protocol.endings import EndReason
 from encircle.protocol.errors import ProtocolError
 from encircle.scene.builder import SceneBuilder
 from encircle.scene.frame import Frame
@@ -10,12 +12,14 @@ from encircle.scene.stage import Stage, stage_of
 from encircle.world.recording.recording import RecordingError
 from encircle.world.scenario.model import Scenario
 
+NAMES_MAX = 8
+
 
 class SceneFeed:
     """The frames of one run. ``joined_tick``: the first tick that was seen, None before it.
 
     ``refused``: how many messages could not be understood. ``unsure``: the robots of which it
-    cannot be worked out now what they believe.
+    cannot be worked out now what they believe; ``last_tick``: of the last round so far.
     """
 
     def __init__(self, scenario: Scenario, seed: int, run: str, beliefs: bool = True) -> None:
@@ -23,12 +27,15 @@ class SceneFeed:
         self.joined_tick: int | None = None
         self.refused = 0
         self.unsure: tuple[str, ...] = ()
+        self.last_tick = -1
+        self._has_beliefs = beliefs and scenario.clock != "wall"
         self._builder = SceneBuilder(scenario, seed, run, beliefs)
 
     def take(self, rounds: Iterable[Round]) -> tuple[list[Message], list[Frame]]:
         """The messages of some rounds, and the frames that are whole with them."""
         messages, frames = [], []
         for heard in rounds:
+            self.last_tick = heard.tick
             if self.joined_tick is None:
                 self.joined_tick = heard.tick
             for message in heard.messages:
@@ -39,6 +46,20 @@ class SceneFeed:
     def finish(self) -> list[Frame]:
         """The frames that are left when nothing more will come."""
         return self._noted(self._builder.finish())
+
+    def status(self, state: RunState, reason: str, missed_ticks: int) -> Status:
+        """How the run stands. ``reason``: of its end, if it is known."""
+        broke_off = state is RunState.ENDED and reason not in tuple(EndReason)
+        texts = [f"{reason or 'the run broke off'} (tick {max(self.last_tick, 0)})"] * broke_off
+        if self.joined_tick:
+            texts.append(f"seen from tick {self.joined_tick} on")
+        if missed_ticks:
+            texts.append(f"{missed_ticks} tick{'s' if missed_ticks > 1 else ''} missed")
+        if self.unsure:
+            texts.append(
+                f"what {names(self.unsure)} believe{'s' * (len(self.unsure) == 1)} is unsure"
+            )
+        return Status(state, "; ".join(texts), not broke_off, missed_ticks, self._has_beliefs)
 
     def _frames(self, message: Message) -> list[Frame]:
         try:
@@ -52,3 +73,9 @@ class SceneFeed:
         if frames:
             self.unsure = frames[-1].beliefs_unsure
         return frames
+
+
+def names(robots: Sequence[str]) -> str:
+    """A list of robots for one line."""
+    more = f" and {len(robots) - NAMES_MAX} more" if len(robots) > NAMES_MAX else ""
+    return ", ".join(robots[:NAMES_MAX]) + more

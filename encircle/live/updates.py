@@ -20,11 +20,10 @@ class RunState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """How a run stands. ``text``: one line for people, or "".
+    """How a run stands. ``text``: one line for people of what is not as it should be, or "".
 
-    ``complete``: whether all rounds from tick 0 on have been seen; ``missed_ticks``: how many were
-    not, or not whole, since this feed saw its first; ``beliefs``: whether beliefs can be worked
-    out for all robots.
+    ``complete``: False if the run broke off; ``missed_ticks``: how many rounds were not seen, or
+    not whole, since this feed saw its first; ``beliefs``: whether beliefs are worked out.
     """
 
     state: RunState

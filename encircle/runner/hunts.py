@@ -5,8 +5,8 @@ import secrets
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing, nullcontext, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ from encircle.world.coordinator.result import GO_ON, WHEN_LOST, Result
 from encircle.world.loading.interventions import InterventionRefused, table_of
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import ScenarioRemark, remarks_on
+from encircle.world.process.pace import Pace
 from encircle.world.recording.recorder import RecordingStopped
 from encircle.world.recording.run_directory import (
     create,
@@ -33,10 +34,15 @@ from encircle.world.scenario.model import Scenario
 if TYPE_CHECKING:
     from encircle.runner.interventions import Interventions
     from encircle.runner.launch import Timeouts
+    from encircle.runner.onlooking import HuntOnlooker
+    from encircle.world.coordinator.journal import Record
     from encircle.world.coordinator.world_core import WorldCore
+    from encircle.world.recording.recorder import Recorder
     from encircle.world.recording.resuming import Resumed
 
 PROGRESS_PERIOD_S = 0.1
+HELD_PERIOD_S = 0.05
+"""How often a hunt in memory that is held back looks whether it is to end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +102,8 @@ def run(
     when_lost: str = GO_ON,
     timeouts: "Timeouts | None" = None,
     interventions: "Interventions | None" = None,
+    pace: float | None = None,
+    onlooker: "HuntOnlooker | None" = None,
 ) -> Hunt:
     """Run one hunt and wait for its end.
 
@@ -107,7 +115,8 @@ def run(
     processes are waited for, ``encircle.runner.launch.TIMEOUTS`` if left out. ``interventions``:
     a queue of events that are given to the run while it goes on, from any thread; ``progress`` is
     told what became of each: ``{"intervention": {"given", "event"}}`` with the tick, or
-    ``{"refused_intervention"}`` with why.
+    ``{"refused_intervention"}`` with why. ``pace``: how many times faster than real time ticks may
+    go by, as fast as they can if None. ``onlooker``: who is shown the hunt as it goes on.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
     unusable directory and ``RunFailed`` if the run does not come to its end; in memory
@@ -121,6 +130,7 @@ def run(
         scenario = scenario.model_dump(mode="json", exclude_unset=True)
     loaded = load(scenario, changes)
     check_link(loaded, link)
+    check_pace(loaded, pace)
     for remark in remarks_on(loaded):
         warnings.warn(remark, ScenarioRemark, stacklevel=2)
     name = f"run-{secrets.token_hex(6)}"
@@ -132,13 +142,12 @@ def run(
         with signals_held():
             if link == "memory":
                 result, timing, processes = _in_memory(
-                    loaded, name, directory, tell, interventions=interventions
+                    loaded, name, directory, tell, None, interventions, pace, onlooker
                 )
             else:
                 order = start_order or ["world", *loaded.ids]
-                result, timing = _as_processes(
-                    loaded, name, directory, tell, order, when_lost, timeouts, interventions
-                )
+                given = (when_lost, timeouts, interventions, pace, onlooker)
+                result, timing = _as_processes(loaded, name, directory, tell, order, *given)
                 processes = len(order)
     finally:
         if directory is not None and is_new:
@@ -157,11 +166,14 @@ def resume(
     when_lost: str = GO_ON,
     timeouts: "Timeouts | None" = None,
     interventions: "Interventions | None" = None,
+    pace: float | None = None,
+    onlooker: "HuntOnlooker | None" = None,
 ) -> Hunt:
     """Go on with a run that broke off, where its recording in ``directory`` ends, to its end.
 
     The recording becomes whole; what it was is kept beside it. ``link``, ``progress``,
-    ``when_lost``, ``timeouts`` and ``interventions``: as for ``run``, and the link may be another.
+    ``when_lost``, ``timeouts``, ``interventions``, ``pace`` and ``onlooker``: as for ``run``, and
+    the link may be another.
     Interventions that are recorded are played again by themselves. Raises
     ``RunDirectoryError`` if there is nothing to go on with, or if what is recorded is not what this
     program comes to; then nothing has been changed. ``RunFailed`` as for ``run``.
@@ -175,18 +187,20 @@ def resume(
     with signals_held():
         resumed = rebuild(read_last(run_directory), bounded_log())
         scenario, name = resumed.core.rounds.written, resumed.core.run
+        check_pace(scenario, pace)
         if link == "memory" or resumed.core.ended is not None:
             result, timing, processes = _in_memory(
-                scenario, name, run_directory, tell, resumed, interventions
+                scenario, name, run_directory, tell, resumed, interventions, pace, onlooker
             )
         else:
             from encircle.runner.launch import run_processes
 
             arguments = ["--resume", str(run_directory), "--when-lost", when_lost]
+            arguments += _pace_option(pace)
             order = ["world", *scenario.ids]
-            result, timing = run_processes(
-                arguments, scenario.ids, name, tell, order, run_directory, timeouts, interventions
-            )
+            given = (run_directory, timeouts, interventions, onlooker)
+            with _shown(onlooker, scenario, name, resumed.messages):
+                result, timing = run_processes(arguments, scenario.ids, name, tell, order, *given)
             processes = len(order)
     wall_s = time.perf_counter() - begun
     return Hunt(
@@ -205,6 +219,34 @@ def check_link(scenario: Scenario, link: str) -> None:
         raise ScenarioError("clock = 'wall': in memory no time passes; use --link zenoh")
 
 
+def check_pace(scenario: Scenario, pace: float | None) -> None:
+    """``ScenarioError`` if the scenario has a pace of its own."""
+    if pace is not None and scenario.clock == "wall":
+        raise ScenarioError(f"clock = 'wall' has a pace of its own; leave --pace {pace:g} out")
+
+
+def _pace_option(pace: float | None) -> list[str]:
+    return [] if pace is None else ["--pace", f"{pace!r}"]
+
+
+@contextmanager
+def _shown(
+    onlooker: "HuntOnlooker | None",
+    scenario: Scenario,
+    run: str,
+    so_far: Iterable[tuple[int, str, bytes]] = (),
+) -> Iterator[None]:
+    """While this lasts, the hunt is shown to an onlooker, if there is one."""
+    if onlooker is None:
+        yield
+        return
+    onlooker.begin(scenario, run, so_far)
+    try:
+        yield
+    finally:
+        onlooker.end()
+
+
 def _in_memory(
     scenario: Scenario,
     name: str,
@@ -212,6 +254,8 @@ def _in_memory(
     tell: Callable[[dict[str, Any]], None],
     resumed: "Resumed | None" = None,
     interventions: "Interventions | None" = None,
+    pace: float | None = None,
+    onlooker: "HuntOnlooker | None" = None,
 ) -> tuple[Result, dict[str, Any], int]:
     from encircle.runner.launch import RunFailed
     from encircle.runner.memory import RunEndedByPlugin, run_in_memory
@@ -221,7 +265,8 @@ def _in_memory(
     so_far = resumed.messages if resumed else None
     check(" before the run began")
     recorder = start_recording(directory, scenario, name, so_far) if directory else None
-    record = recorder.record if recorder else None
+    record = _recorded_and_shown(recorder, onlooker)
+    held = None if pace is None else Pace(pace, scenario.tick_s)
     reported_s, reported = time.perf_counter(), 0
 
     def progress(world: "WorldCore") -> None:
@@ -236,10 +281,16 @@ def _in_memory(
         if time.perf_counter() - reported_s >= PROGRESS_PERIOD_S:
             reported_s = time.perf_counter()
             tell({"tick": world.state.tick, "distances_m": list(world.rounds.result().distances_m)})
+        while held is not None and (left_s := held.left_s(world.state.tick)) > 0.0:
+            time.sleep(min(left_s, HELD_PERIOD_S))
+            check(f" at tick {world.state.tick}")
 
     begun, failure = time.perf_counter(), ""
     try:
-        with closing(recorder) if recorder else nullcontext():
+        with (
+            closing(recorder) if recorder else nullcontext(),
+            _shown(onlooker, scenario, name, so_far or ()),
+        ):
             try:
                 result = run_in_memory(
                     arena, name, bounded_log(), record, progress, resumed=resumed
@@ -256,6 +307,21 @@ def _in_memory(
     if failure:
         raise RunFailed(failure)
     return result, timing, 1
+
+
+def _recorded_and_shown(
+    recorder: "Recorder | None", onlooker: "HuntOnlooker | None"
+) -> "Record | None":
+    """What takes in each message of a hunt in memory."""
+    if recorder is None or onlooker is None:
+        return recorder.record if recorder else onlooker.hear if onlooker else None
+    record, hear = recorder.record, onlooker.hear
+
+    def both(tick: int, key: str, payload: bytes) -> None:
+        record(tick, key, payload)
+        hear(tick, key, payload)
+
+    return both
 
 
 def _intervene(
@@ -280,6 +346,8 @@ def _as_processes(
     when_lost: str,
     timeouts: "Timeouts | None",
     interventions: "Interventions | None",
+    pace: float | None,
+    onlooker: "HuntOnlooker | None",
 ) -> tuple[Result, dict[str, Any]]:
     from encircle.runner.launch import run_processes
 
@@ -288,10 +356,10 @@ def _as_processes(
         path = Path(scratch) / "scenario.json"
         path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
         arguments = [str(path), *(["--out", str(directory)] if directory else [])]
-        arguments += ["--when-lost", when_lost]
-        return run_processes(
-            arguments, scenario.ids, name, tell, order, directory, timeouts, interventions
-        )
+        arguments += ["--when-lost", when_lost, *_pace_option(pace)]
+        given = (directory, timeouts, interventions, onlooker)
+        with _shown(onlooker, scenario, name):
+            return run_processes(arguments, scenario.ids, name, tell, order, *given)
 
 
 def default_directory(scenario_name: str, seed: int) -> Path:

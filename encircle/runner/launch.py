@@ -26,6 +26,7 @@ from encircle.protocol.process.log import KINDS_VARIABLE, LineKind, kind_and_tex
 from encircle.protocol.programs.options import without_settings
 from encircle.runner.interventions import Interventions
 from encircle.runner.nodes import Node, NodesLost, abandon, fork_server
+from encircle.runner.onlooking import HuntOnlooker
 from encircle.world.coordinator.result import Result
 from encircle.world.scenario.errors import ScenarioError
 
@@ -86,15 +87,16 @@ def run_processes(
     directory: Path | None = None,
     timeouts: Timeouts | None = None,
     interventions: Interventions | None = None,
+    onlooker: HuntOnlooker | None = None,
 ) -> tuple[Result, dict[str, Any]]:
     """Run a hunt with one process per robot; returns its result and timings.
 
     ``world_arguments``: scenario and options for ``python -m encircle.world``. ``report`` gets the
     world's reports, and ``{"started": {name: pid}, "run": name, "endpoint": endpoint}`` first.
     ``start_order`` is for tests; ``directory``: that of the run, if any. ``interventions``: given
-    to the world by its standard input. Raises ``RunFailed``.
+    to the world by its standard input; ``onlooker``: who is shown the hunt. Raises ``RunFailed``.
     """
-    launch = _Launch(run, robots, report, directory, timeouts or TIMEOUTS, interventions)
+    launch = _Launch(run, robots, report, directory, timeouts or TIMEOUTS, interventions, onlooker)
     with signals_to(launch.interrupt):
         try:
             outcome = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
@@ -114,9 +116,11 @@ class _Launch:
         directory: Path | None,
         timeouts: Timeouts,
         interventions: Interventions | None,
+        onlooker: HuntOnlooker | None,
     ) -> None:
         self.name = run
         self._interventions = interventions
+        self._onlooker = onlooker
         self._control: asyncio.WriteTransport | None = None
         self.robots = robots
         self.robot_options = ["--tracebacks", str(directory)] if directory is not None else []
@@ -149,6 +153,8 @@ class _Launch:
             for name in order:
                 if not self.interrupted:
                     await self._start(name, world_arguments)
+                if name == "world" and not self.interrupted:
+                    await self._show()
             if not self.interrupted:
                 pids = {name: process.pid for name, process in self.processes.items()}
                 self.report({"started": pids, "run": self.name, "endpoint": self.endpoint})
@@ -213,6 +219,18 @@ class _Launch:
             return
         lines = "".join(f"{line}\n" for line in self._interventions.take())
         self._control.write(lines.encode())
+
+    async def _show(self) -> None:
+        """Wait until an onlooker, if there is one, sees the hunt; it must not miss the start."""
+        if self._onlooker is None:
+            return
+        interrupted = asyncio.ensure_future(self._interrupted.wait())
+        gone = asyncio.wrap_future(self.processes["world"].ended)
+        looking = asyncio.wrap_future(self._onlooker.look_on(self.endpoint))
+        either: set[asyncio.Future[Any]] = {looking, gone, interrupted}
+        s_max = self.timeouts.join_s_max
+        await asyncio.wait(either, timeout=s_max, return_when=asyncio.FIRST_COMPLETED)
+        interrupted.cancel()
 
     async def _output(self, theirs: ExitStack) -> tuple[int, asyncio.StreamReader]:
         """A pipe's end for writing, and what is read at the other one."""

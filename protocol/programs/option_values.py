@@ -13,6 +13,7 @@ from encircle.protocol.suggestions import did_you_mean
 
 YES, NO = ("1", "yes", "true", "on"), ("0", "no", "false", "off")
 S_MAX = 86_400.0
+PACE_MIN, PACE_MAX = 0.01, 1000.0
 
 
 def seconds(value: str) -> float:
@@ -24,6 +25,19 @@ def seconds(value: str) -> float:
     if not 0.0 < length_s <= S_MAX:
         raise argparse.ArgumentTypeError(f"{value!r} is not a number of seconds up to {S_MAX:g}")
     return length_s
+
+
+def pace(value: str) -> float:
+    """How many times faster than real time; from ``PACE_MIN`` to ``PACE_MAX``."""
+    try:
+        factor = float(value)
+    except ValueError:
+        factor = math.nan
+    if not PACE_MIN <= factor <= PACE_MAX:
+        raise argparse.ArgumentTypeError(
+            f"{value!r} is not a number from {PACE_MIN:g} to {PACE_MAX:g}"
+        )
+    return factor
 
 
 def whole_number(value: str) -> int:

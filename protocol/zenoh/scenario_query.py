@@ -52,20 +52,24 @@ def encode_description(described: RunDescription) -> bytes:
     return payload
 
 
-def description_replier(describe: Callable[[], RunDescription]) -> Callable[[], bytes]:
-    """A function that makes the answer when it is asked for first, and keeps it.
+def description_replier(
+    describe: Callable[[], RunDescription], version: Callable[[], int] = lambda: 0
+) -> Callable[[], bytes]:
+    """A function that makes the answer, and keeps it as long as ``version`` is the same.
 
     An answer that would be too long is empty, which is none to ``decode_description``.
     """
-    made: list[bytes] = []
+    made: dict[int, bytes] = {}
 
     def reply() -> bytes:
-        if not made:
+        now = version()
+        if now not in made:
+            made.clear()
             try:
-                made.append(encode_description(describe()))
+                made[now] = encode_description(describe())
             except OversizedMessage:
-                made.append(b"")
-        return made[0]
+                made[now] = b""
+        return made[now]
 
     return reply
 

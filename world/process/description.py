@@ -17,8 +17,9 @@ def description_answer(rounds: RoundEngine) -> tuple[str, Callable[[], bytes]]:
         setups: tuple[bytes, ...] = ()
         with suppress(PluginLoadError, UnknownPlugin):  # the policy's file is there no more
             setups = rounds.first_setups()
-        # As in the recording: whole, with the defaults of this version.
+        # As in the recording, whole, with the defaults of this version; and as played so far.
         scenario = arena.scenario.model_dump_json()
         return RunDescription(rounds.run, arena.seed, scenario, setups)
 
-    return world_key(rounds.run, CHANNEL), description_replier(describe)
+    reply = description_replier(describe, lambda: len(rounds.interventions))
+    return world_key(rounds.run, CHANNEL), reply

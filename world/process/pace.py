@@ -32,8 +32,8 @@ class Pace:
         """How long a tick is still to be held back, in s; it begins when it is first asked for."""
         now_s = self._clock_s()
         if tick != self._tick:
-            self._tick, self._due_s = tick, max(self._due_s, now_s - self._period_s)
-            self._due_s += self._period_s
+            began_s = now_s if self._tick < 0 else self._due_s
+            self._tick, self._due_s = tick, max(began_s + self._period_s, now_s)
         return self._due_s - now_s
 
     def hold(self, tick: int) -> None:

@@ -67,6 +67,10 @@ class LockStepWatch:
             return Overdue(answer_s_max)
         return StillWaiting(answers=True, ask_again=not resuming) if wait.take_period() else None
 
+    def rest(self, tick: int, now_s: float) -> bool:
+        """Time that passes at a tick for want of nothing; False at the first look at the tick."""
+        return self._wait.pass_over(tick, now_s)
+
 
 class RealTimeWatch:
     """Watches a run by the clock. ``tick_s``: how long each tick is."""
@@ -83,6 +87,10 @@ class RealTimeWatch:
         ticking = wait.waited_s < self._tick_s + RESEND_PERIOD_S
         waits = ticking and wait.take_period()
         return StillWaiting(answers=False, ask_again=False) if waits else None
+
+    def rest(self, tick: int, now_s: float) -> bool:
+        """As ``LockStepWatch.rest``; by the clock nothing is held back."""
+        return self._wait.pass_over(tick, now_s)
 
 
 class _Wait:
@@ -102,6 +110,13 @@ class _Wait:
             return False
         self._tick = tick
         self.restart()
+        return True
+
+    def pass_over(self, tick: int, now_s: float) -> bool:
+        """Let the time since the last look count for nothing; False if it was at another tick."""
+        if tick != self._tick:
+            return False
+        self._looked_s = now_s
         return True
 
     def restart(self) -> None:

@@ -8,6 +8,7 @@ from encircle.world.coordinator.failure_detector import FailureDetector
 from encircle.world.coordinator.round_engine import RoundEngine
 from encircle.world.process.core_access import CoreAccess
 from encircle.world.process.departure_reports import DepartureReports
+from encircle.world.process.pace import Pace
 from encircle.world.process.progress import (
     RESEND_PERIOD_S,
     LockStepWatch,
@@ -22,7 +23,10 @@ WATCH_PERIOD_S = 0.1
 
 
 class RunWatch:
-    """The watch over the rounds of one run. ``watch`` decides what a look at it means."""
+    """The watch over the rounds of one run. ``watch`` decides what a look at it means.
+
+    ``pace``: what holds ticks back, if anything does.
+    """
 
     def __init__(
         self,
@@ -32,6 +36,7 @@ class RunWatch:
         watch: LockStepWatch | RealTimeWatch,
         departures: DepartureReports,
         report: Reporter,
+        pace: Pace | None = None,
     ) -> None:
         self._rounds = rounds
         self._access = access
@@ -39,6 +44,7 @@ class RunWatch:
         self._watch = watch
         self._departures = departures
         self._report = report
+        self._pace = pace
 
     async def run(self) -> None:
         """Watch until cancelled."""
@@ -54,6 +60,10 @@ class RunWatch:
 
     def _look(self, now_s: float) -> None:
         tick, table = self._rounds.state.tick, self._rounds.table
+        if self._pace is not None and self._pace.holds and self._watch.rest(tick, now_s):
+            # Nobody is waited for: the answers are there, or on their way.
+            self._report({"waiting": []})
+            return
         match self._watch.look(tick, now_s):
             case NewTick():
                 self._report_tick()

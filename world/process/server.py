@@ -27,6 +27,7 @@ from encircle.world.process.core_access import CoreAccess
 from encircle.world.process.departure_reports import DepartureReports
 from encircle.world.process.description import description_answer
 from encircle.world.process.joining import Joining
+from encircle.world.process.pace import Pace
 from encircle.world.process.progress import LockStepWatch, RealTimeWatch
 from encircle.world.process.real_time import run_real_time
 from encircle.world.process.reports import Reporter
@@ -47,7 +48,8 @@ class WorldOptions:
 
     ``when_lost``: whether the run goes on without a lost robot, or ends. ``parent``: end when
     standard input does, so that no world outlives the program that started it. ``control``: take
-    interventions from there.
+    interventions from there. ``pace``: how many times faster than real time ticks in lock-step may
+    go by, None for as fast as they can.
     """
 
     join_s_max: float = JOIN_S_MAX
@@ -55,6 +57,7 @@ class WorldOptions:
     when_lost: str = GO_ON
     parent: bool = False
     control: bool = False
+    pace: float | None = None
 
 
 def run_rounds(core: WorldCore, connection: Connection) -> None:
@@ -111,6 +114,8 @@ class Server:
             on_failure=lambda reason: self._loop.call_soon_threadsafe(self.stop, reason),
         )
         self.control = ControlInput(core, self._access, report_to)
+        tick_s = core.arena.scenario.tick_s
+        self._pace = None if options.pace is None else Pace(options.pace, tick_s)
         self._joining = Joining(self._failure_detector, self._access, connection, report_to)
         self._departures = DepartureReports(
             core.rounds, connection, report_to, options.answer_s_max
@@ -191,6 +196,8 @@ class Server:
         over.cancel()
         if self._failure.done() and self.core.ended is None:
             self._access.fail(self._failure.result())
+        if self._pace is not None:
+            self._pace.release()
         await self._flush_end()
         if not rounds.done():
             await asyncio.to_thread(self.connection.close)
@@ -228,6 +235,8 @@ class Server:
         with contextlib.suppress(ConnectionClosed):
             while core.ended is None:
                 message = self.connection.receive()
+                if self._pace is not None:
+                    self._pace.hold(core.state.tick)
                 access.change_in_thread(
                     partial(core.receive, *message), partial(detector.sign_of_life, *message)
                 )
@@ -251,6 +260,7 @@ class Server:
             watch,
             self._departures,
             self.report,
+            self._pace,
         )
 
     def _refuse(self, key: str, payload: bytes) -> None:

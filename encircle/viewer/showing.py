@@ -1,0 +1,152 @@
+"""Showing a hunt on the page: a feed or a recording on one side, the server on the other.
+
+The page stays reachable when the hunt is over, until Ctrl-C or whenever ``WatchEnd`` says.
+"""
+
+import os
+import sys
+import threading
+import time
+import webbrowser
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from encircle.live.updates import Feed, RunState, Status
+from encircle.protocol.errors import ProtocolError
+from encircle.protocol.process.log import say_error
+from encircle.scene.builder import SceneBuilder
+from encircle.scene.frame import Frame
+from encircle.scene.stage import Stage
+from encircle.viewer.history import History
+from encircle.viewer.server import LOOPBACK, PageServer, Taken
+from encircle.world.recording.recording import Recording, RecordingError
+
+TAKE_S = 0.2
+FRAMES_AT_ONCE = 50
+"""Of a recording: so many are handed over together."""
+UNSEEN_S = 3.0
+"""How long no page may be open before nobody is taken to look on: a page that is loaded anew is
+not open for a moment."""
+STEP_S = 0.1
+
+
+class WatchEnd(StrEnum):
+    """When the page is no longer served.
+
+    ``STAY``: at Ctrl-C. ``CLOSED``: when the run is over and no page is open any more. ``RUN``:
+    when the run is over.
+    """
+
+    STAY = "stay"
+    CLOSED = "closed"
+    RUN = "run"
+
+
+@dataclass(frozen=True, slots=True)
+class ShowOptions:
+    """How a hunt is shown. ``port``: 0 for any that is free; ``browser``: whether to open one."""
+
+    port: int = 0
+    host: str = LOOPBACK
+    browser: bool = True
+    end: WatchEnd = WatchEnd.STAY
+
+
+class Show:
+    """The page of one hunt, from ``start`` to ``stop``. Raises ``ServerFailed`` if it cannot be."""
+
+    def __init__(self, stage: Stage, options: ShowOptions, on_message: Taken | None = None) -> None:
+        self.history = History(stage)
+        self.server = PageServer(self.history, options.host, options.port, on_message)
+        self._options = options
+
+    def start(self) -> None:
+        """Serve the page, and say where; open a browser if there is one."""
+        self.server.start()
+        say_error(f"encircle: the page is at {self.server.address}")
+        if self._options.browser:
+            open_browser(self.server.address)
+
+    def feed(self, feed: Feed, stopped: Callable[[], bool] = lambda: False) -> Status:
+        """Show what a feed gives, until its end or until ``stopped``; how the run stood then."""
+        while True:
+            update = feed.take(TAKE_S)
+            self.history.add(update.frames, status_json(update.status))
+            if update.status.state is RunState.ENDED or stopped():
+                return update.status
+
+    def recording(self, recording: Recording, stopped: Callable[[], bool]) -> None:
+        """Show a recording, its first frames while the others are made; ``RecordingError``."""
+        for frames in frames_of(recording):
+            self.history.add(frames, {"state": "ended", "complete": recording.complete})
+            if stopped():
+                return
+
+    def stay(self, stopped: Callable[[], bool], awaits_page: bool = False) -> None:
+        """Serve on until ``stopped``, or until the options say so.
+
+        ``awaits_page``: that no page was opened yet does not count as none being open any more.
+        """
+        end, server = self._options.end, self.server
+        over_s = time.monotonic()
+        while not stopped() and end is not WatchEnd.RUN:
+            unseen_s = time.monotonic() - max(over_s, server.last_closed_s)
+            may_end = server.opened > 0 or not awaits_page
+            if end is WatchEnd.CLOSED and not server.pages and may_end and unseen_s > UNSEEN_S:
+                return
+            time.sleep(STEP_S)
+
+    def stop(self) -> None:
+        """Serve no longer; may be called twice."""
+        self.server.stop()
+
+
+def status_json(status: Status) -> dict[str, Any]:
+    """A status as the page takes it (``page/source.js``)."""
+    return {
+        "state": status.state.value,
+        "text": status.text,
+        "complete": status.complete,
+        "beliefs": status.beliefs,
+        "missed_ticks": status.missed_ticks,
+    }
+
+
+def frames_of(recording: Recording) -> "list[list[Frame]] | Any":
+    """The frames of a recording, some at a time; ``RecordingError`` for what cannot be read."""
+    builder = SceneBuilder(recording.scenario, recording.seed, recording.run)
+    frames: list[Frame] = []
+    for tick, topic, payload in recording.messages:
+        try:
+            frames += builder.take(tick, topic, payload)
+        except ProtocolError as error:
+            raise RecordingError(f"{recording.path}: {topic} of tick {tick}: {error}") from None
+        if len(frames) >= FRAMES_AT_ONCE:
+            yield frames
+            frames = []
+    yield [*frames, *builder.finish()]
+
+
+def open_browser(address: str) -> None:
+    """Open a page in the user's browser, if there is one that has a window to do so."""
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        return
+    try:
+        browser = webbrowser.get()
+    except webbrowser.Error:
+        browser = None
+    if browser is None or type(browser) is webbrowser.GenericBrowser:
+        # One of the latter kind takes the terminal.
+        say_error("encircle: no browser was found here; open the address in one yourself")
+        return
+
+    def show() -> None:
+        if not browser.open(address):
+            say_error("encircle: the browser did not open; open the address yourself")
+
+    # It may take seconds to answer.
+    threading.Thread(target=show, name="browser", daemon=True).start()
