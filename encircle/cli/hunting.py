@@ -2,19 +2,20 @@
 
 import json
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
 
 from encircle.cli.display import Display
 from encircle.network.transport_tables import LINKS_SHOWN_MAX, print_transport_report
-from encircle.protocol.process.interrupts import Interrupted, exit_message, signals_held
+from encircle.protocol.process.interrupts import Interrupted, exit_message, signals_held, signals_to
 from encircle.protocol.process.log import say, say_error
-from encircle.runner.hunts import Hunt, check_link, default_directory, resume, run
+from encircle.runner.hunts import Hunt, check_link, check_pace, default_directory, resume, run
 from encircle.runner.launch import RunFailed, Timeouts
 from encircle.world.loading.files import shipped
 from encircle.world.loading.load import load
@@ -23,9 +24,18 @@ from encircle.world.recording.run_directory import RECORDING, SUMMARY
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
+if TYPE_CHECKING:
+    from encircle.viewer.hunt_show import HuntShow
+    from encircle.viewer.showing import ShowOptions
+
+PACE_SHOWN = 1.0
+
 
 class HuntRequest(NamedTuple):
-    """What was asked for. ``resume``: a run's directory, instead of scenario, changes and out."""
+    """What was asked for. ``resume``: a run's directory, instead of scenario, changes and out.
+
+    ``pace``: times real time, None for the default; ``show``: how the hunt is shown, if it is.
+    """
 
     scenario: str
     changes: Sequence[str]
@@ -34,10 +44,26 @@ class HuntRequest(NamedTuple):
     link: str
     when_lost: str
     timeouts: Timeouts
+    pace: float | None = None
+    show: "ShowOptions | None" = None
 
 
-def _hunt(request: HuntRequest, scenario: Scenario, directory: Path, display: Display) -> Hunt:
+def _pace(request: HuntRequest, scenario: Scenario) -> float | None:
+    """A hunt that is shown goes by at the speed of real time, if nothing else is asked for."""
+    is_default = request.pace is None and request.show is not None and scenario.clock != "wall"
+    return PACE_SHOWN if is_default else request.pace
+
+
+def _hunt(
+    request: HuntRequest,
+    scenario: Scenario,
+    directory: Path,
+    display: Display,
+    onlooker: "HuntShow | None",
+) -> Hunt:
     how: dict[str, Any] = {
+        "pace": _pace(request, scenario),
+        "onlooker": onlooker,
         "link": request.link,
         "progress": display.update,
         "when_lost": request.when_lost,
@@ -93,6 +119,41 @@ def hunt_and_draw(
 
     ``draw`` makes the picture of a run, or nothing if it has to be made here.
     """
+    if request.show is None:
+        _hunt_and_draw(request, as_json, draw, None)
+        return
+    # Imported late: only who asks for a page needs its server.
+    from encircle.viewer.hunt_show import HuntShow
+    from encircle.viewer.server import ServerFailed
+
+    onlooker = HuntShow(request.show, request.link == "memory")
+    try:
+        _hunt_and_draw(request, as_json, draw, onlooker)
+        _stay(onlooker)
+    except ServerFailed as error:
+        raise RunFailed(str(error)) from None
+    finally:
+        onlooker.stop()
+
+
+def _stay(onlooker: "HuntShow") -> None:
+    """Serve the page of a hunt that is over; Ctrl-C is how that ends."""
+    stop = threading.Event()
+
+    def interrupt(name: str) -> None:
+        say_error(f"encircle: stopped by {name}")
+        stop.set()
+
+    with signals_to(interrupt):
+        onlooker.stay(stop.is_set)
+
+
+def _hunt_and_draw(
+    request: HuntRequest,
+    as_json: bool,
+    draw: Callable[[Path], bytes],
+    onlooker: "HuntShow | None",
+) -> None:
     if request.resume is None:
         scenario = _load(request)
         directory = request.out or default_directory(request.scenario, scenario.seed)
@@ -102,6 +163,7 @@ def hunt_and_draw(
 
         scenario, directory = read_last(request.resume).scenario, request.resume
     check_link(scenario, request.link)
+    check_pace(scenario, request.pace)
     for remark in remarks_on(scenario):
         say_error(f"encircle: {remark}")
     try:
@@ -111,7 +173,7 @@ def hunt_and_draw(
             signals_held(),
             Display(scenario, request.link) as display,
         ):
-            hunt = _hunt(request, scenario, directory, display)
+            hunt = _hunt(request, scenario, directory, display, onlooker)
     except (RunFailed, Interrupted) as error:
         if not _is_resumable(error, directory) or scenario.clock == "wall":
             raise RunFailed(str(error)) from None

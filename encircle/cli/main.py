@@ -24,6 +24,7 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "run": Command("Run one hunt, record it and draw it.", "encircle.cli.run"),
+    "watch": Command("Show a hunt on a page: recorded or going on.", "encircle.cli.watch"),
     "scenarios": Command("List the shipped scenarios.", "encircle.cli.scenarios"),
     "replay": Command(
         "Read a recording back, and check it.", "encircle.cli.recordings", "replay_main"

@@ -3,13 +3,18 @@
 from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from encircle.cli.painter import Painter
+from encircle.cli.watching import add_show_options, given_show_options, show_options
 from encircle.protocol.process.deferred_imports import UNUSED, lazy
-from encircle.protocol.programs.option_values import one_of, seconds, whole_number
+from encircle.protocol.programs.option_values import one_of, pace, seconds, whole_number
 from encircle.protocol.programs.options import Options, variable_of
 from encircle.runner.links import LINKS
 from encircle.world.coordinator.result import GO_ON, WHEN_LOST
+
+if TYPE_CHECKING:
+    from encircle.viewer.showing import ShowOptions
 
 
 def main(arguments: Sequence[str], program: str) -> int:
@@ -23,6 +28,12 @@ def main(arguments: Sequence[str], program: str) -> int:
         options.error(
             "--resume goes with neither a scenario nor --seed, --set or --out: the run has its own"
         )
+    if not settings.watch and (given := given_show_options(settings)):
+        options.error(f"{given[0]} goes with --watch")
+    show = None
+    if settings.watch:
+        # Before anything is started: what is missing is told at once.
+        show = show_options(settings, f"{program} --watch")
     painter = None
     if settings.link == "zenoh":
         from encircle.runner.nodes import fork_server
@@ -32,14 +43,14 @@ def main(arguments: Sequence[str], program: str) -> int:
     else:
         painter = Painter()
     try:
-        _hunt(settings, painter)
+        _hunt(settings, painter, show)
     finally:
         if painter is not None:
             painter.close()
     return 0
 
 
-def _hunt(settings: Namespace, painter: Painter | None) -> None:
+def _hunt(settings: Namespace, painter: Painter | None, show: "ShowOptions | None") -> None:
     # Imported late: a mistyped command need not wait for the display.
     with lazy(*UNUSED):
         from encircle.cli.hunting import HuntRequest, hunt_and_draw
@@ -58,6 +69,8 @@ def _hunt(settings: Namespace, painter: Painter | None) -> None:
         settings.link,
         settings.when_lost,
         timeouts,
+        settings.pace,
+        show,
     )
     if painter is None:
         hunt_and_draw(request, settings.json)
@@ -92,4 +105,13 @@ def _options(program: str) -> Options:
         options.add(name, text, read=seconds, variable=variable_of(name), metavar="S")
     options.add("--resume", "go on with a run that broke off", read=Path, metavar="RUN")
     options.add_flag("--json", "print one JSON object")
+    options.add(
+        "--pace",
+        "let ticks go by this many times faster than real time at most; 1 with --watch, as fast as"
+        " they can without",
+        read=pace,
+        metavar="X",
+    )
+    options.add_flag("--watch", "show the hunt on a page in the browser while it goes on")
+    add_show_options(options)
     return options
