@@ -217,16 +217,14 @@ def test_before_reset_and_after_the_end_nothing_can_be_done():
 
 
 def test_a_target_whose_behaviour_fails_ends_it_with_its_line(tmp_path, monkeypatch):
-    text = (
-        "def sits(memory, view):\n    return (memory or 0) + 1, (0.0, 1.0 / (3 - (memory or 0)))\n"
-    )
+    text = "def sits(memory, view):\n    return 1, (0.0, 0.1 / (0 if memory else 1))\n"
     (tmp_path / "sits.py").write_text(text)
     monkeypatch.setenv("ENCIRCLE_POLICIES", str(tmp_path))
     env = parallel_env({**SCENE, "target": {"behaviour": "sits.py:sits"}})
     env.reset(seed=1)
-    with pytest.raises(PluginFailed, match=r"'sits.py:sits' failed at tick 3: ZeroDivisionError"):
-        while env.agents:
-            env.step(stills(env))
+    env.step(stills(env))
+    with pytest.raises(PluginFailed, match=r"'sits.py:sits' failed at tick 1: ZeroDivisionError"):
+        env.step(stills(env))
 
 
 @pytest.mark.parametrize("radio", ["world", "direct"])
