@@ -10,6 +10,7 @@ the colours are those of the palette's dark theme.
 
 from bisect import bisect_left
 from collections.abc import Sequence
+from functools import cache
 from math import cos, dist, log, pi, sin, sqrt
 
 from encircle.exports.flights import Leg, style_of
@@ -29,7 +30,8 @@ from encircle.scene.palette import DARK, robot_colour
 from encircle.scene.stage import Stage
 
 THIN_M, THICK_M = 0.08, 0.2
-RING_SIDES = 72
+SIDES_PER_M, SIDES_MIN, SIDES_MAX = 12.0, 12, 64
+"""A circle has sides by its radius: a team's ghosts are many, and small."""
 CONFIDENCE = 0.95
 REGION_SIGMAS = sqrt(-2.0 * log(1.0 - CONFIDENCE))
 """Radius, in standard deviations per axis, of the disc that holds a normal point in the plane with
@@ -37,6 +39,7 @@ that probability: 1 - exp(-r^2 / 2) of a Rayleigh distribution."""
 FAINT_TICKS = 20.0
 """A ghost this old has faded to a third."""
 MARK_M = 0.35
+ORIGIN = (0.0, 0.0)
 LABELLED_ROBOTS_MAX = 16
 """Ghosts of larger teams have no labels: there is no room for them."""
 LOST_OPACITY, SILENT_OPACITY = 0.25, 0.6
@@ -151,12 +154,19 @@ def circle(
     centre: Point, radius_m: float, colour: Colour, width_m: float, z_m: float = 0.05
 ) -> Line:
     """A circle as a closed line."""
-    angles = [2.0 * pi * k / RING_SIDES for k in range(RING_SIDES)]
-    return Line(tuple(_at(centre, a, radius_m) for a in angles), colour, width_m, True, z_m)
+    sides = round(min(max(SIDES_MIN, SIDES_PER_M * radius_m), SIDES_MAX))
+    angles = [2.0 * pi * k / sides for k in range(sides)]
+    return Line(tuple([_at(centre, a, radius_m) for a in angles]), colour, width_m, True, z_m)
 
 
-def mark(shape: str, centre: Point, size_m: float = MARK_M) -> list[tuple[Point, Point]]:
-    """A mark of a shape that the palette names, as pieces of lines of about a size in m."""
+def mark(shape: str, centre: Point) -> list[tuple[Point, Point]]:
+    """A mark of a shape that the palette names, as pieces of lines, ``MARK_M`` wide in m."""
+    x, y = centre
+    return [((x + a, y + b), (x + c, y + d)) for (a, b), (c, d) in _mark_at_origin(shape)]
+
+
+@cache
+def _mark_at_origin(shape: str) -> tuple[tuple[Point, Point], ...]:
     quarter, corners = pi / 2.0, [pi / 4.0 + k * pi / 2.0 for k in range(4)]
     arms = {
         "x": corners,
@@ -167,15 +177,14 @@ def mark(shape: str, centre: Point, size_m: float = MARK_M) -> list[tuple[Point,
         "box-x": corners,
     }.get(shape, [])
     outline = {
-        "disc": [k * pi / 4.0 for k in range(8)],
+        "disc": [k * pi / 3.0 for k in range(6)],
         "diamond": [k * quarter for k in range(4)],
         "ring-x": [k * pi / 4.0 for k in range(8)],
         "box-x": corners,
     }.get(shape, [])
-    corner_points = [_at(centre, angle, size_m / 2.0) for angle in outline]
-    return [(centre, _at(centre, angle, size_m / 2.0)) for angle in arms] + list(
-        zip(corner_points, [*corner_points[1:], *corner_points[:1]], strict=True)
-    )
+    ends = [_at(ORIGIN, angle, MARK_M / 2.0) for angle in outline]
+    sides = zip(ends, [*ends[1:], *ends[:1]], strict=True)
+    return (*((ORIGIN, _at(ORIGIN, angle, MARK_M / 2.0)) for angle in arms), *sides)
 
 
 def _at(centre: Point, angle_rad: float, distance_m: float) -> Point:

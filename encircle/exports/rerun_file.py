@@ -32,6 +32,8 @@ APPLICATION = "encircle"
 AGE_SHOWN_TICKS_MIN = 5.0
 """The colours of ages reach at least this far, so that ages of a good channel look good."""
 UNKNOWN_AGE = float("nan")
+TICKS_AT_ONCE = 50
+"""What is drawn is held in memory for so many ticks."""
 
 
 def export(recording: Recording, out: Path, *, beliefs: bool = True) -> None:
@@ -65,11 +67,11 @@ def _write(stage: Stage, frames: Sequence[Frame], out: Path) -> None:
     stream.save(out, default_blueprint=blueprint(stage, frames))
     stream.send_recording_name(f"{stage.title}, seed {stage.seed}")
     stream.log("run", rr.TextDocument(description(stage), media_type="text/markdown"), static=True)
-    columns = RerunColumns(stream, [frame.tick for frame in frames], stage.tick_s)
-    for send in (
-        *(_send_scene, _send_beliefs, _send_truth, _send_numbers, _send_decisions),
-        *(_send_packets, _send_events),
-    ):
+    columns, flights = RerunColumns(stream, stage.tick_s), Flights(stage.causes)
+    for first in range(0, len(frames), TICKS_AT_ONCE):
+        _send_scene(columns, stage, frames[first : first + TICKS_AT_ONCE], flights)
+    columns.send_layer("scene/arena", [frames[0].tick], [drawing.arena(stage)])
+    for send in (_send_truth, _send_numbers, _send_decisions, _send_packets, _send_events):
         check()
         send(columns, stage, frames)
     stream.flush()
@@ -92,19 +94,19 @@ def description(stage: Stage) -> str:
     return "\n".join([f"# {stage.title}", "", "| | |", "|---|---|", *lines])
 
 
-def _send_scene(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
-    flights = Flights(stage.causes)
-    columns.send_layer("scene/arena", [drawing.arena(stage)] * len(frames))
-    columns.send_layer("scene/bodies", [drawing.bodies(stage, f) for f in frames])
-    columns.send_layer("scene/plan", [drawing.plan(stage, f) for f in frames])
-    columns.send_layer("scene/packets", [drawing.packets(flights.take(f)) for f in frames])
-    columns.send_layer("trails", [_steps(stage, *pair) for pair in pairwise(frames)])
-
-
-def _send_beliefs(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
+def _send_scene(
+    columns: RerunColumns, stage: Stage, frames: Sequence[Frame], flights: Flights
+) -> None:
+    """Write what is drawn at ticks that follow those written before."""
+    ticks = [frame.tick for frame in frames]
+    columns.send_layer("scene/bodies", ticks, [drawing.bodies(stage, f) for f in frames])
+    columns.send_layer("scene/plan", ticks, [drawing.plan(stage, f) for f in frames])
+    packets = [drawing.packets(flights.take(frame)) for frame in frames]
+    columns.send_layer("scene/packets", ticks, packets)
     for k, robot in enumerate(stage.robots):
         check()
-        columns.send_layer(f"beliefs/{robot}", [drawing.beliefs(stage, f, k) for f in frames])
+        believed = [drawing.beliefs(stage, frame, k) for frame in frames]
+        columns.send_layer(f"beliefs/{robot}", ticks, believed)
 
 
 def _steps(stage: Stage, before: Frame, after: Frame) -> tuple[Entity, ...]:
@@ -120,51 +122,61 @@ def _steps(stage: Stage, before: Frame, after: Frame) -> tuple[Entity, ...]:
 
 
 def _send_truth(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
-    """Positions as points, for whoever queries the file."""
+    """Positions as points, for whoever queries the file, and the ways between them."""
+    ticks = [frame.tick for frame in frames]
+    steps = [_steps(stage, *pair) for pair in pairwise(frames)]
+    columns.send_layer("trails", ticks[1:], steps)
     for k, robot in enumerate(stage.robots):
         places = [(*frame.robots[k], 0.0) for frame in frames]
-        columns.send(f"truth/{robot}", rr.Points3D.columns(positions=places))
+        columns.send(f"truth/{robot}", ticks, rr.Points3D.columns(positions=places))
     places = [(*frame.target, 0.0) for frame in frames]
-    columns.send("truth/target", rr.Points3D.columns(positions=places))
+    columns.send("truth/target", ticks, rr.Points3D.columns(positions=places))
 
 
 def _send_numbers(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
+    ticks = [frame.tick for frame in frames]
     found = [curves.values(frame) for frame in frames]
     for name in curves.VALUES:
-        columns.send_numbers(f"values/{name}", [values.get(name) for values in found])
+        columns.send_numbers(f"values/{name}", ticks, [values.get(name) for values in found])
     for k, robot in enumerate(stage.robots):
-        columns.send_numbers(f"distances_m/{robot}", [f.values.distances_m[k] for f in frames])
+        columns.send_numbers(
+            f"distances_m/{robot}", ticks, [f.values.distances_m[k] for f in frames]
+        )
     ages = np.array([frame.ages for frame in frames], np.float32)
     shown = (0.0, max(AGE_SHOWN_TICKS_MIN, float(ages.max())))
     ages[ages < 0] = UNKNOWN_AGE
-    columns.send_tensors("ages", ages, ("receiver", "sender"), shown)
+    for tick, table in zip(ticks, ages, strict=True):
+        columns.send_table("ages", tick, table, ("receiver", "sender"), shown)
 
 
 def _send_decisions(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
+    ticks = [frame.tick for frame in frames]
     for k, robot in enumerate(stage.robots):
-        columns.send_numbers(f"decisions/{robot}/xi_ticks", [f.xi[k] for f in frames])
-        columns.send_numbers(f"decisions/{robot}/point", [f.points[k] for f in frames])
+        columns.send_numbers(f"decisions/{robot}/xi_ticks", ticks, [f.xi[k] for f in frames])
+        columns.send_numbers(f"decisions/{robot}/point", ticks, [f.points[k] for f in frames])
         modes = [frame.modes[k] or "" for frame in frames]
         changed = [row for row, mode in enumerate(modes) if row == 0 or mode != modes[row - 1]]
         # None ends the state; the type of the argument does not know that.
         states: list[Any] = [modes[row] or None for row in changed]
-        columns.send(f"modes/{robot}", rr.StateChange.columns(state=states), changed)
+        at = [ticks[row] for row in changed]
+        columns.send(f"modes/{robot}", at, rr.StateChange.columns(state=states))
 
 
 def _send_packets(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
     """How many packets of each tick had which fate."""
     fates = [[fate_of(p, f.tick, stage.causes) for p in f.packets] for f in frames]
+    ticks = [frame.tick for frame in frames]
     for fate in sorted({fate for row in fates for fate in row}):
-        columns.send_numbers(f"packets/{fate}", [row.count(fate) for row in fates])
+        columns.send_numbers(f"packets/{fate}", ticks, [row.count(fate) for row in fates])
 
 
 def _send_events(columns: RerunColumns, _stage: Stage, frames: Sequence[Frame]) -> None:
     by_kind: dict[str, list[tuple[int, Event]]] = {}
-    for row, frame in enumerate(frames):
+    for frame in frames:
         for event in frame.events:
-            by_kind.setdefault(event.kind, []).append((row, event))
+            by_kind.setdefault(event.kind, []).append((frame.tick, event))
     for kind, found in by_kind.items():
-        rows, events = [row for row, _ in found], [event for _, event in found]
+        ticks, events = zip(*found, strict=True)
         levels = [rr.TextLogLevel.WARN if is_warning(e) else rr.TextLogLevel.INFO for e in events]
         texts = rr.TextLog.columns(text=[event.text for event in events], level=levels)
-        columns.send(f"events/{kind}", texts, rows)
+        columns.send(f"events/{kind}", ticks, texts)

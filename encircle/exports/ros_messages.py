@@ -4,7 +4,7 @@ The definitions are those of Humble; Iron, Jazzy, Kilted and Lyrical have the sa
 hashes. A message's stamp is the simulated time of its tick, its frame ``map``.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import cos, sin
 from typing import Any
 
@@ -14,20 +14,22 @@ from rosbags.typesys import Stores, get_typestore
 from encircle.exports.shapes import FRAME_ID, Colour, Disc, Entity, Label, Line, Point, Segments
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
+KINDS: Mapping[str, Any] = dict(TYPES.types)
+POINT = KINDS["geometry_msgs/msg/Point"]
 NS_PER_S = 1_000_000_000
 DISC_HEIGHT_M = 0.05
 NO_COVARIANCE = np.zeros(36)
 """Poses are the truth."""
 INFO, WARN = 20, 30
 """Levels of ``rcl_interfaces/msg/Log``."""
-MARKER: Any = TYPES.types["visualization_msgs/msg/Marker"]
+MARKER = KINDS["visualization_msgs/msg/Marker"]
 NO_COLOUR = Colour(0.0, 0.0, 0.0, 0.0)
 NO_SIZE = (0.0, 0.0, 0.0)
 
 
 def made(kind: str, *values: Any) -> Any:
     """A message of a type such as ``geometry_msgs/msg/Point``, its fields in their order."""
-    return TYPES.types[kind](*values)
+    return KINDS[kind](*values)
 
 
 def serialised(message: Any) -> memoryview:
@@ -145,7 +147,7 @@ def _markers(time_ns: int, entity: Entity) -> Iterator[Any]:
 
 def _points(shape: Line | Segments) -> list[Any]:
     closing = shape.points[:1] if isinstance(shape, Line) and shape.closed else ()
-    return [made("geometry_msgs/msg/Point", x, y, shape.z_m) for x, y in (*shape.points, *closing)]
+    return [POINT(x, y, shape.z_m) for x, y in (*shape.points, *closing)]
 
 
 def _marker(

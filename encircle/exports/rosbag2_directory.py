@@ -20,7 +20,7 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from encircle.exports import curves, drawing, ros_messages
 from encircle.exports.events import is_warning
@@ -54,7 +54,10 @@ def export(recording: Recording, out: Path, *, beliefs: bool = True) -> None:
     connections: dict[str, Connection] = {}
     # The writer names its file after its directory, and creates both.
     made = out / BAG_NAME
-    with Writer(made, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
+    bag = Writer(made, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
+    # Within the file, which every reader of MCAP undoes by itself.
+    bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with bag:
         for name, value in (("run", stage.run), ("seed", str(stage.seed)), ("title", stage.title)):
             bag.set_custom_data(name, value)
         frames = frames_of_recording(recording, beliefs)

@@ -5,7 +5,8 @@ the frame of the arena. ``z_m`` only says what covers what when one looks from a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
 from typing import TypeAlias
 
 Point: TypeAlias = tuple[float, float]
@@ -24,7 +25,7 @@ class Colour:
 
     def faded(self, opacity: float) -> "Colour":
         """The same colour with another opacity."""
-        return replace(self, a=opacity)
+        return Colour(self.r, self.g, self.b, opacity)
 
     @property
     def rgba8(self) -> tuple[int, int, int, int]:
@@ -32,6 +33,7 @@ class Colour:
         return (round(self.r * 255), round(self.g * 255), round(self.b * 255), round(self.a * 255))
 
 
+@cache
 def colour_of(code: str) -> Colour:
     """The colour with a code like ``#0072B2``."""
     return Colour(*(int(code[k : k + 2], 16) / 255 for k in (1, 3, 5)))
@@ -94,5 +96,5 @@ def segments(
     pieces: Sequence[tuple[Point, Point]], colour: Colour, width_m: float, z_m: float
 ) -> tuple[Segments, ...]:
     """The pieces as one shape; none if there are no pieces."""
-    points = tuple(point for piece in pieces for point in piece)
+    points = tuple([point for piece in pieces for point in piece])
     return (Segments(points, colour, width_m, z_m),) if points else ()
