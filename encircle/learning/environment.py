@@ -89,10 +89,9 @@ class HuntEnv(ParallelEnv[str, Floats, NDArray[Any]]):  # type: ignore[misc]  # 
         rays = scenario.sensing.rays if settings.scan else 0
         self.layout = Layout(len(scenario.ids), settings.payload, rays)
         seen, done = (self.layout.size,), (STEP + settings.payload,)
-        self._spaces = {
-            agent: (Box(-BOUND, BOUND, seen, np.float32), Box(-1.0, 1.0, done, np.float32))
-            for agent in self.possible_agents
-        }
+        agents = self.possible_agents
+        self.observation_spaces = {a: Box(-BOUND, BOUND, seen, np.float32) for a in agents}
+        self.action_spaces = {a: Box(-1.0, 1.0, done, np.float32) for a in agents}
         self.seed = scenario.seed - 1
         self.world: WorldCore | None = None
         self.trail: list[NDArray[np.float64]] = []
@@ -103,11 +102,11 @@ class HuntEnv(ParallelEnv[str, Floats, NDArray[Any]]):  # type: ignore[misc]  # 
 
     def observation_space(self, agent: str) -> Box:
         """The space of a robot's observations, always the same object."""
-        return self._spaces[agent][0]
+        return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Box:
         """The space of a robot's actions, always the same object."""
-        return self._spaces[agent][1]
+        return self.action_spaces[agent]
 
     def reset(
         self,
@@ -218,7 +217,7 @@ class HuntEnv(ParallelEnv[str, Floats, NDArray[Any]]):  # type: ignore[misc]  # 
         self._perceptions = {
             asked.robot: self._cores[asked.robot].perceive(asked)
             for asked in observations
-            if asked.robot in self._spaces
+            if asked.robot in self.observation_spaces
         }
         if self.render_mode is not None and self.world is not None:
             count = len(self.scenario.ids) + 1
