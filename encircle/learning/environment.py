@@ -23,6 +23,7 @@ from encircle.learning.acting import STEP, checked, decision
 from encircle.learning.observing import BOUND, Floats, Layout, observation
 from encircle.learning.options import RENDER_MODES, Options, settings_of
 from encircle.protocol.messages import Observation
+from encircle.protocol.plugins import PluginFailed
 from encircle.runner.memory import give_answer, joined, next_observations
 from encircle.world.arena import engine
 from encircle.world.coordinator.world_core import WorldCore
@@ -124,7 +125,7 @@ class HuntEnv(ParallelEnv[str, Floats, NDArray[Any]]):  # type: ignore[misc]  # 
         self.seed = int(seed)
         self.world, self._cores = joined(engine.build(self.scenario, self.seed), RUN, _no_log)
         self.agents, self.trail = list(self.possible_agents), []
-        self._take(next_observations(self.world, self._cores))
+        self._go_on(self.world)
         self._potential = self.settings.reward.potential(self.world.arena, self.world.state)
         return self._observations(), {agent: self._info(agent) for agent in self.agents}
 
@@ -139,26 +140,45 @@ class HuntEnv(ParallelEnv[str, Floats, NDArray[Any]]):  # type: ignore[misc]  # 
         if world is None or not self.agents:
             raise ValueError("step: no hunt is under way; call reset first")
         numbers = self._checked(actions)
+        # A hunt may be over where it begins.
+        if world.ended is None:
+            try:
+                self._answer(world, numbers)
+                self._go_on(world)
+            except PluginFailed:
+                self.agents = []
+                raise
+        return self._parts(world)
+
+    def _answer(self, world: WorldCore, numbers: Mapping[str, Sequence[float]]) -> None:
+        """Answer for every robot that is asked."""
         for asked in self._asked:
             core = self._cores[asked.robot]
             perception = self._perceptions.get(asked.robot)
             if perception is None:
                 action = core.decide(asked)
             else:
-                wanted = decision(
-                    perception.view, numbers[asked.robot], searches=self.settings.searches
-                )
+                searches = self.settings.searches
+                wanted = decision(perception.view, numbers[asked.robot], searches=searches)
                 action = core.act(perception, validated((None, wanted))[1])
             give_answer(world, *action)
         world.rounds.commit()
+
+    def _go_on(self, world: WorldCore) -> None:
+        """Go on to the next round, or to the end, whose observations nobody answers."""
         observations = next_observations(world, self._cores)
         if world.rounds.plugin_failure is not None:
             raise world.rounds.plugin_failure
         if world.ended is not None:
-            lost = world.rounds.lost
-            observations = engine.observe(world.arena, world.state, lost)
-        self._take(observations)
-        return self._parts(world)
+            observations = engine.observe(world.arena, world.state, world.rounds.lost)
+        self._asked = observations
+        self._perceptions = {
+            asked.robot: self._cores[asked.robot].perceive(asked)
+            for asked in observations
+            if asked.robot in self.observation_spaces
+        }
+        if self.render_mode is not None:
+            self.trail.append(world.state.positions[: len(self.scenario.ids) + 1].copy())
 
     def _parts(self, world: WorldCore) -> Parts:
         """What a step returns."""
@@ -210,18 +230,6 @@ class HuntEnv(ParallelEnv[str, Floats, NDArray[Any]]):  # type: ignore[misc]  # 
     def close(self) -> None:
         """End the hunt under way."""
         self.world, self.agents = None, []
-
-    def _take(self, observations: list[Observation]) -> None:
-        """Take in what the robots are asked: those decided for from outside perceive it."""
-        self._asked = observations
-        self._perceptions = {
-            asked.robot: self._cores[asked.robot].perceive(asked)
-            for asked in observations
-            if asked.robot in self.observation_spaces
-        }
-        if self.render_mode is not None and self.world is not None:
-            count = len(self.scenario.ids) + 1
-            self.trail.append(self.world.state.positions[:count].copy())
 
     def _observations(self, agents: Sequence[str] | None = None) -> dict[str, Floats]:
         payload, scan = self.settings.payload, self.settings.scan

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+import encircle
 from encircle.learning import Reward, parallel_env
 from encircle.protocol.plugins import PluginFailed
 from encircle.world.scenario.errors import ScenarioError
@@ -104,6 +105,19 @@ def test_a_capture_terminates_it():
     assert infos["r2"]["captured"]
     assert infos["r2"]["reward"]["capture"] == Reward().capture
     assert rewards["r2"] == sum(infos["r2"]["reward"].values())
+
+
+def test_a_hunt_that_begins_with_a_capture_is_over_with_the_first_step():
+    places = [[1.2, 0.0], [-0.6, 1.04], [-0.6, -1.04]]
+    env = parallel_env({"team": {"positions": places}, "target": {"behaviour": "still"}})
+    observations, infos = env.reset(seed=1)
+    assert set(observations) == {"r1", "r2", "r3"}
+    assert infos["r1"]["captured"]
+    _, rewards, terminated, _, infos = env.step(stills(env))
+    assert set(terminated.values()) == {True}
+    assert rewards["r1"] == Reward().capture
+    assert infos["r1"]["tick"] == 0
+    assert infos["r1"]["digest"] == encircle.run(env.scenario, seed=1, link="memory").digest
 
 
 def test_a_lost_robot_is_an_agent_that_knows_nothing():
@@ -225,6 +239,8 @@ def test_a_target_whose_behaviour_fails_ends_it_with_its_line(tmp_path, monkeypa
     env.step(stills(env))
     with pytest.raises(PluginFailed, match=r"'sits.py:sits' failed at tick 1: ZeroDivisionError"):
         env.step(stills(env))
+    with pytest.raises(ValueError, match="call reset first"):
+        env.step({})
 
 
 @pytest.mark.parametrize("radio", ["world", "direct"])
