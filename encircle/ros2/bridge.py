@@ -30,7 +30,7 @@ WORLD_S_MAX = 30.0
 STATES_MAX = 64
 """States that may wait to be sent on."""
 STEP_S = 0.2
-LINGER_S = 0.5
+LINGER_S = 1.0
 """How long the last states may still be under way when the world's token has gone, in s."""
 
 
@@ -93,8 +93,9 @@ class _Mail:
 class Bridge:
     """Puts the states of one run on ROS 2's topics.
 
-    ``hunt``: the session on which the run is; ``ros``: the one on which ROS 2 is, which may be the
-    same. ``frames``: those that are whole by now and were not given before.
+    ``hunt``: the session on which the run is; ``node``: this bridge to ROS 2, perhaps on the same.
+    ``frames``: returns those that are whole by now and were not given before. ``log``: gets a line
+    on each state that is refused.
     """
 
     def __init__(
@@ -113,6 +114,7 @@ class Bridge:
         self._frames = frames
         self._messages = SceneMessages(types, stage)
         self._before: State | None = None
+        self._newest: Frame | None = None
         self._mail = _Mail()
         self.report = BridgeReport()
         node.advertise(self._messages.topics.all(time_source == TimeSource.SIMULATED))
@@ -143,6 +145,9 @@ class Bridge:
                     self._show_traffic()
             except ConnectionClosed as error:
                 report.ended, report.failed = f"the connection is closed: {error}", True
+        if not report.failed:
+            with suppress(ConnectionClosed):
+                self._show_end()
         report.passed_over = mail.passed_over
         return report
 
@@ -156,8 +161,10 @@ class Bridge:
         if len(state.robots) != robots:
             self._refuse(f"it is of {len(state.robots)} robots, the run has {robots}")
             return
-        before = self._before
-        self._before = state
+        self._send(state)
+
+    def _send(self, state: State) -> None:
+        before, self._before = self._before, state
         self.report.sent += 1
         with_clock = self._time_source == TimeSource.SIMULATED
         made = self._messages.of(state, before, self._stamp_ns(state.tick), with_clock)
@@ -166,9 +173,17 @@ class Bridge:
 
     def _show_traffic(self) -> None:
         for frame in self._frames():
+            self._newest = frame
             topic, message = self._messages.traffic(frame, self._stamp_ns(frame.tick))
             self._node.publish(topic, self._types.encoded(message))
             self.report.traffic += 1
+
+    def _show_end(self) -> None:
+        """The last state of a run shows how it ended; it may have been missed."""
+        newest, before = self._newest, self._before
+        if newest is not None and (before is None or before.tick < newest.tick):
+            self._send(_state_of(newest))
+            time.sleep(STEP_S)  # a session that closes at once may take it along
 
     def _stamp_ns(self, tick: int) -> int:
         if self._time_source == TimeSource.WALL:
@@ -178,3 +193,15 @@ class Bridge:
     def _refuse(self, why: str) -> None:
         self.report.refused += 1
         self._log(f"ros2: refused a state: {why}")
+
+
+def _state_of(frame: Frame) -> State:
+    """The truth in a frame."""
+    return State(
+        frame.tick,
+        frame.robots,
+        frame.headings_rad,
+        frame.target,
+        frame.captured,
+        frame.contacts,
+    )

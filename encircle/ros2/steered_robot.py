@@ -175,6 +175,9 @@ class SteeredRobot(RobotCore):
     def decide(self, observation: Observation) -> Action:
         """Answer an observation, by the newest command; raises as ``check``."""
         perception = self.perceive(observation)
+        if self.setup is not None and observation.tick < self.setup.answer_tick:
+            # It is told its past, of which nobody can still decide anything.
+            return self.act(perception, Decision("stand", (0.0, 0.0), observation.position))
         decision = self._steering.decide(perception, observation.sent_us is not None)
         if self._steering.mail.refused:
             self.refused[REFUSED] = self._steering.mail.refused

@@ -12,6 +12,7 @@ from encircle.ros2.message_types import MessageTypes
 from encircle.ros2.releases import RELEASES
 from encircle.scene.stage import stage_of
 from encircle.world.loading.load import load
+from encircle.world.recording.recording import decoded
 
 RUN = "g1"
 TYPES = MessageTypes(RELEASES["jazzy"])
@@ -21,6 +22,13 @@ STAGE = stage_of(load({"team": {"robots": 2}}), 1, RUN)
 def state(tick, robots=2):
     spots = tuple((float(tick + k), 0.0) for k in range(robots))
     return State(tick, spots, (0.0,) * robots, (9.0, 9.0), False, ())
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch):
+    """What is there is there at once: nothing is under way."""
+    monkeypatch.setattr("encircle.ros2.bridge.LINGER_S", 0.02)
+    monkeypatch.setattr("encircle.ros2.bridge.STEP_S", 0.01)
 
 
 class Session:
@@ -107,6 +115,18 @@ def test_by_the_wall_there_is_no_clock_and_stamps_never_go_back():
     stamps = [m.header.stamp for m in bridged.node.of("/r1/pose")]
     assert stamps == sorted(stamps, key=lambda stamp: (stamp.sec, stamp.nanosec))
     assert stamps[0].sec > 1_700_000_000
+
+
+def test_a_last_state_that_was_missed_is_shown_with_what_was_said():
+    recording, _ = hunted("sim1", ["ticks_max=3"])
+    stage = stage_of(recording.scenario, 1, RUN)
+    bridged = Bridged(stage=stage, frames=frames_of(recording))
+    report = bridged.forward(*(state(tick, robots=4) for tick in range(3)))
+    truth = [decoded(State, recording, 3, p) for t, _, p in recording.of_channel("state") if t == 3]
+    last = bridged.node.of("/r2/pose")[-1].pose.position
+    assert (last.x, last.y) == truth[0].robots[1]
+    assert report.sent == 4
+    assert len(bridged.node.of("/encircle/traffic")) == 4
 
 
 @pytest.mark.parametrize(("clock", "source"), [("lockstep", "sim"), ("wall", "wall")])

@@ -192,6 +192,18 @@ def test_a_robot_that_begins_anew_waits_anew():
     assert robot.mail.waits == 2 * VAIN_WAITS_MAX
 
 
+def test_of_a_past_that_it_is_told_nothing_is_asked():
+    """As of a run that a new world has taken up."""
+    robot = Driven(replace(SETUP, answer_tick=3))
+    robot.mail.answers = [FORWARD]
+    for tick in range(3):
+        past = encode(observation(tick=tick), RUN)
+        assert robot.core.receive(robot_key(RUN, "r1", "observation"), past) == []
+    assert (robot.told, robot.mail.waits) == ([], 0)
+    robot.tick = 2
+    assert robot.step()[1].step != (0.0, 0.0)
+
+
 def test_a_waiting_robot_is_woken_by_a_command():
     mail = CommandMail()
     woken = in_thread(mail.comes_after, 0, LONGEST_S)
