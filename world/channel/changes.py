@@ -66,11 +66,9 @@ def build(
     delays: delay.Delays,
 ) -> Changes | None:
     """The changes among a scenario's events, None if there are none."""
-    found = [e for e in events if isinstance(e, LossChange | DelayChange | RangeChange)]
+    found = _changes_of(events)
     if not found:
         return None
-    # Sorting keeps the scenario's order among those of one tick.
-    found.sort(key=lambda event: event.tick)
     ticks = sorted({tick for e in found for tick in (e.tick, last_and_one(e))})
     return Changes(tuple(ticks), tuple(found), tuple(ids), losses, delays)
 
@@ -83,8 +81,7 @@ def at(changes: Changes, tick: int) -> Stages | None:
 @lru_cache(maxsize=16)
 def _between_changes(changes: Changes, index: int) -> Stages | None:
     tick = changes.ticks[index - 1] if index else -1
-    active = [event for event in changes.events if event.tick <= tick < last_and_one(event)]
-    rate, delay_s, range_m = _in_force(active)
+    rate, delay_s, range_m = in_force(changes.events, tick)
     if rate is None and delay_s is None and range_m is None:
         return None
     losses, instead = changes.losses, None
@@ -95,10 +92,20 @@ def _between_changes(changes: Changes, index: int) -> Stages | None:
     return Stages(losses, instead, None if delay_s is None else _constant(changes, delay_s))
 
 
-def _in_force(active: Sequence[Change]) -> tuple[float | None, float | None, float | None]:
-    """Rate, delay in s and range in m of the changes that began last, None where there is none."""
+def _changes_of(events: Iterable[object]) -> list[Change]:
+    """The changes among events, as they begin; those of one tick in the scenario's order."""
+    found = [e for e in events if isinstance(e, LossChange | DelayChange | RangeChange)]
+    return sorted(found, key=lambda event: event.tick)
+
+
+def in_force(
+    events: Iterable[object], tick: int
+) -> tuple[float | None, float | None, float | None]:
+    """Rate, delay in s and range in m that events have put in force at a tick, None for the own."""
     rate = delay_s = range_m = None
-    for event in active:
+    for event in _changes_of(events):
+        if not event.tick <= tick < last_and_one(event):
+            continue
         if isinstance(event, LossChange):
             rate = event.rate
         elif isinstance(event, DelayChange):

@@ -196,7 +196,7 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     }
     if (model.status.control && page.mountControl && !page.byId("control").childElementCount) {
       page.byId("control").hidden = false;
-      page.mountControl(page.byId("control"), source, model);
+      page.mountControl(page.byId("control"), source, model, view);
     }
     refresh();
   }
