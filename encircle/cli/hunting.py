@@ -61,11 +61,17 @@ def _hunt(
     display: Display,
     onlooker: "HuntShow | None",
 ) -> Hunt:
+    def progress(report: dict[str, Any]) -> None:
+        display.update(report)
+        if onlooker is not None:
+            onlooker.on_report(report)
+
     how: dict[str, Any] = {
         "pace": _pace(request, scenario),
         "onlooker": onlooker,
+        "interventions": None if onlooker is None else onlooker.interventions,
         "link": request.link,
-        "progress": display.update,
+        "progress": progress,
         "when_lost": request.when_lost,
         "timeouts": request.timeouts,
     }
@@ -123,10 +129,11 @@ def hunt_and_draw(
         _hunt_and_draw(request, as_json, draw, None)
         return
     # Imported late: only who asks for a page needs its server.
+    from encircle.runner.interventions import Interventions
     from encircle.viewer.hunt_show import HuntShow
     from encircle.viewer.server import ServerFailed
 
-    onlooker = HuntShow(request.show, request.link == "memory")
+    onlooker = HuntShow(request.show, request.link == "memory", Interventions())
     try:
         _hunt_and_draw(request, as_json, draw, onlooker)
         _stay(onlooker)

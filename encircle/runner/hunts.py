@@ -272,8 +272,6 @@ def _in_memory(
     def progress(world: "WorldCore") -> None:
         nonlocal reported_s, reported
         check(f" at tick {world.state.tick}")
-        if interventions is not None:
-            _intervene(world, interventions, tell)
         departures = world.rounds.departures
         for departure in departures[reported:]:
             tell({"departure": list(departure.row)})
@@ -284,6 +282,9 @@ def _in_memory(
         while held is not None and (left_s := held.left_s(world.state.tick)) > 0.0:
             time.sleep(min(left_s, HELD_PERIOD_S))
             check(f" at tick {world.state.tick}")
+        if interventions is not None:
+            # Last, so that what is given while the tick is held back is of the next one.
+            _intervene(world, interventions, tell)
 
     begun, failure = time.perf_counter(), ""
     try:

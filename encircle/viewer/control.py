@@ -19,6 +19,8 @@ from encircle.world.scenario.model import Scenario
 NOT_ALLOWED = "only the page of who started the run may change it"
 NOT_UNDERSTOOD = 'not understood: send {"intervene": EVENT} or {"radio": true}'
 
+OVER = "intervention: the run is over"
+
 Answer = dict[str, Any]
 
 
@@ -34,6 +36,7 @@ class Control:
         self._scenario = scenario
         self._interventions = interventions
         self._tick = 0
+        self._over = False
 
     def on_message(self, has_token: bool, said: dict[str, Any]) -> Answer | None:
         """Take in what a page has sent; the answer to that page, if there is one at once."""
@@ -43,6 +46,8 @@ class Control:
             return {"control": {"radio": self.radio()}}
         if "intervene" not in said:
             return _refused(NOT_UNDERSTOOD)
+        if self._over:
+            return _refused(OVER)
         try:
             self._interventions.give(said["intervene"])
         except InterventionRefused as refused:
@@ -60,6 +65,10 @@ class Control:
             event = event_of(taken["event"], self._scenario, self._tick)
             self._scenario = self._scenario.with_event(event)
             self.tell({"control": {"taken": taken}})
+
+    def end(self) -> None:
+        """The run is over: nothing can be given any more."""
+        self._over = True
 
     def radio(self) -> Answer:
         """What is in force from the next tick on: the scenario's own numbers, and those by events.

@@ -8,15 +8,18 @@ import contextlib
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
+from typing import Any
 
 from encircle.live.in_memory import MemoryFeed
 from encircle.live.over_zenoh import NothingToSee, ZenohFeed
 from encircle.live.updates import Feed
 from encircle.protocol.process.log import say_error
 from encircle.protocol.zenoh.endpoints import ConnectionFailed, Endpoints
+from encircle.runner.interventions import Interventions
 from encircle.scene.stage import stage_of
-from encircle.viewer.server import Taken
+from encircle.viewer.control import Control
 from encircle.viewer.showing import Show, ShowOptions
+from encircle.world.loading.interventions import as_played
 from encircle.world.scenario.model import Scenario
 
 LAST_S_MAX = 5.0
@@ -26,17 +29,19 @@ LAST_S_MAX = 5.0
 class HuntShow:
     """Shows one hunt: an ``encircle.runner.onlooking.HuntOnlooker``.
 
-    ``in_memory``: whether the hunt runs in this process. ``on_message``: takes in what pages send.
-    ``ServerFailed`` comes from ``begin``.
+    ``in_memory``: whether the hunt runs in this process. ``interventions``: those of the hunt,
+    which a page with the token may give; without them no page may. ``ServerFailed`` comes from
+    ``begin``.
     """
 
     def __init__(
-        self, options: ShowOptions, in_memory: bool, on_message: Taken | None = None
+        self, options: ShowOptions, in_memory: bool, interventions: Interventions | None = None
     ) -> None:
         self.show: Show | None = None
         self._options = options
         self._in_memory = in_memory
-        self._on_message = on_message
+        self.interventions = interventions
+        self._control: Control | None = None
         self._run = ""
         self._so_far: tuple[tuple[int, str, bytes], ...] = ()
         self._memory: MemoryFeed | None = None
@@ -48,7 +53,14 @@ class HuntShow:
     ) -> None:
         """Serve the page of a hunt that is about to begin."""
         self._run, self._so_far = run, tuple(so_far)
-        self.show = Show(stage_of(scenario, scenario.seed, run), self._options, self._on_message)
+        stage = stage_of(scenario, scenario.seed, run)
+        if self.interventions is None:
+            self.show = Show(stage, self._options)
+        else:
+            played = _as_played(scenario, run, self._so_far)
+            self._control = Control(played, self.interventions)
+            self.show = Show(stage, self._options, self._control.on_message)
+            self._control.tell = self.show.server.tell
         self.show.start()
         if self._in_memory:
             self._memory = MemoryFeed(scenario, run, so_far=self._so_far)
@@ -79,8 +91,15 @@ class HuntShow:
         if self._memory is not None:
             self._memory.hear(tick, key, payload)
 
+    def on_report(self, report: dict[str, Any]) -> None:
+        """Take in a report of the hunt: pages are told what became of their events."""
+        if self._control is not None:
+            self._control.on_report(report)
+
     def end(self) -> None:
         """The hunt is over: show what was heard last."""
+        if self._control is not None:
+            self._control.end()
         if self._memory is not None:
             self._memory.end()
         self._over.set()
@@ -107,3 +126,11 @@ class HuntShow:
     def _start(self, run: Callable[[], None]) -> None:
         self._thread = threading.Thread(target=run, name="show", daemon=True)
         self._thread.start()
+
+
+def _as_played(scenario: Scenario, run: str, so_far: Iterable[tuple[int, str, bytes]]) -> Scenario:
+    """The scenario with the interventions that are recorded of a hunt that is gone on with."""
+    for _, key, payload in so_far:
+        if key.endswith("/world/intervention"):
+            scenario = as_played(scenario, payload, run)
+    return scenario

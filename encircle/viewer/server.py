@@ -111,6 +111,17 @@ class PageServer:
                 loop.call_soon_threadsafe(stopping.set)
             self._thread.join(START_S_MAX)
 
+    def tell(self, answer: dict[str, Any]) -> None:
+        """Send an object to all pages with the token, from any thread; nothing waits for it."""
+        loop, text = self._loop, as_text(answer)
+        if loop is not None:
+            with contextlib.suppress(RuntimeError):  # the loop has ended already
+                loop.call_soon_threadsafe(self._tell, text)
+
+    def _tell(self, text: str) -> None:
+        for page in self.pages:
+            page.tell_starter(text)
+
     def has_token(self, given: str) -> bool:
         """Whether a page may change the run."""
         return bool(self.token) and hmac.compare_digest(given.encode(), self.token.encode())
@@ -273,6 +284,11 @@ class _Feed(_Guarded, WebSocketHandler):
                     if self._position is at:
                         self._position = found[1]
                 await asyncio.sleep(SEND_PERIOD_S)
+
+    def tell_starter(self, text: str) -> None:
+        """Send a text if this page has the token."""
+        if self._has_token:
+            self._tell(text)
 
     def _tell(self, text: str) -> None:
         with contextlib.suppress(WebSocketClosedError):

@@ -71,6 +71,8 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
 
     take(message) {
       if (message.stage) this.showRobots();
+      // After a new connection something may have been missed.
+      if (message.status) this.source.send({ radio: true });
       const { control } = message;
       if (!control) return;
       if (control.radio) this.showRadio(control.radio);

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from encircle.runner.interventions import Interventions
-from encircle.viewer.control import NOT_ALLOWED, NOT_UNDERSTOOD, Control
+from encircle.viewer.control import NOT_ALLOWED, NOT_UNDERSTOOD, OVER, Control
 from encircle.world.loading.load import load
 
 LOSS = {"kind": "loss", "rate": 0.6}
@@ -38,6 +38,10 @@ def test_an_event_of_a_page_with_the_token_goes_to_the_run():
     control.on_report({"refused_intervention": "intervention.rate = 2: must be at most 1.0"})
     assert told[0] == {"control": {"taken": taken}}
     assert refused(told[1]) == "intervention.rate = 2: must be at most 1.0"
+    control.end()
+    assert refused(control.on_message(True, {"intervene": LOSS})) == OVER
+    assert queue.take() == []
+    assert "radio" in control.on_message(True, {"radio": True})["control"]
 
 
 @pytest.mark.parametrize("said", [{}, {"resume": None}, {"interfere": LOSS}])
