@@ -16,7 +16,8 @@
   function chartsOf(stage) {
     return [
       {
-        id: "distance", title: "Distance to target (m)", from: 0,
+        id: "distance", from: 0,
+        title: stage.robots.length > LINES_MAX ? "Nearest, middle, farthest (m)" : "Distance to target (m)",
         level: stage.stop_distance_m, levelText: `stop ${stage.stop_distance_m} m`,
         of: (val) => val.d, read: (d) => `${shown(Math.min(...d), 1)} to ${shown(Math.max(...d), 1)}`,
       },
@@ -72,8 +73,8 @@
       const cursor = page.element("div", { class: "cursor" });
       const drawn = page.element("div", { class: "drawn" });
       const plot = page.element("div", { class: "plot" }, drawn, cursor);
-      const frame = page.element("figure", { class: lowest ? "chart lowest" : "chart", id: `chart-${chart.id}` }, caption, plot);
-      this.element.append(frame);
+      const attributes = { class: lowest ? "chart lowest" : "chart", id: `chart-${chart.id}` };
+      this.element.append(page.element("figure", attributes, caption, plot));
       const panel = { chart, value, cursor, plot, filled: 0, view: null };
       const names = this.names(chart);
       panel.source = new Bokeh.ColumnDataSource({
@@ -99,6 +100,8 @@
 
     values(chart, frame) {
       const values = chart.of(frame.val);
+      // At its last tick a run has no decisions, and so no conflicts that could be counted.
+      if (chart.id === "conflicts" && frame.mode.every((mode) => mode === null)) return [NaN];
       if (values.length <= LINES_MAX) return values;
       const sorted = [...values].sort((a, b) => a - b);
       return [sorted[0], sorted[Math.floor(sorted.length / 2)], sorted[sorted.length - 1]];
@@ -127,15 +130,18 @@
       if (chart.to !== undefined) range.end = chart.to;
       if (chart.least) range.min_interval = chart.least;
       const figure = Bokeh.Plotting.figure({
-        tools: "", toolbar_location: null, sizing_mode: "stretch_both", x_range: panel.range, y_range: new Bokeh.DataRange1d(range),
-        min_border_left: LEFT_PX * look.scale, min_border_right: RIGHT_PX, min_border_top: 3, min_border_bottom: lowest ? 38 * look.scale : 8,
+        tools: "", toolbar_location: null, sizing_mode: "stretch_both",
+        x_range: panel.range, y_range: new Bokeh.DataRange1d(range),
+        min_border_left: LEFT_PX * look.scale, min_border_right: RIGHT_PX,
+        min_border_top: 3, min_border_bottom: lowest ? 38 * look.scale : 8,
         background_fill_color: look.colour("background"), border_fill_color: look.colour("panel"),
         outline_line_color: look.colour("line"),
       });
       this.styleAxes(figure, lowest);
       if (chart.level !== undefined) {
         figure.add_layout(new Bokeh.Span({
-          location: chart.level, dimension: "width", line_color: look.colour("muted"), line_dash: [4, 3], line_width: 1,
+          location: chart.level, dimension: "width",
+          line_color: look.colour("muted"), line_dash: [4, 3], line_width: 1,
         }));
       }
       const many = names.length > 1;
@@ -155,12 +161,14 @@
     styleAxes(figure, lowest) {
       const { look } = this;
       const px = `${Math.round(11 * look.scale)}px`;
+      const [line, muted, font] = [look.colour("line"), look.colour("muted"), "system-ui, sans-serif"];
       for (const axis of [...figure.xaxes, ...figure.yaxes]) {
         Object.assign(axis, {
-          axis_line_color: look.colour("line"), major_tick_line_color: look.colour("line"), minor_tick_line_color: null,
-          major_label_text_color: look.colour("muted"), major_label_text_font_size: px, major_label_text_font: "system-ui, sans-serif",
-          axis_label_text_color: look.colour("muted"), axis_label_text_font_size: px, axis_label_text_font: "system-ui, sans-serif",
-          axis_label_text_font_style: "normal", axis_label_standoff: 1, major_label_standoff: 3, major_tick_in: 0, major_tick_out: 3,
+          axis_line_color: line, major_tick_line_color: line, minor_tick_line_color: null,
+          major_label_text_color: muted, major_label_text_font_size: px, major_label_text_font: font,
+          axis_label_text_color: muted, axis_label_text_font_size: px, axis_label_text_font: font,
+          axis_label_text_font_style: "normal", axis_label_standoff: 1, major_label_standoff: 3,
+          major_tick_in: 0, major_tick_out: 3,
         });
       }
       for (const axis of figure.yaxes) axis.ticker.desired_num_ticks = 3;
@@ -204,7 +212,7 @@
         }
       }
       for (const { chart, value } of this.panels) {
-        page.setText(value, chart.read(chart.of(moment.frame.val)));
+        page.setText(value, chart.read(this.values(chart, moment.frame)));
       }
       this.moveCursor(time);
     }

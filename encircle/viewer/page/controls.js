@@ -3,6 +3,7 @@
 
 (function (page) {
   const ZOOM_STEP = 1.0015;
+  const VIEWS = { whole: "whole arena", close: "close by", free: "by hand" };
 
   /* Wires the transport bar, the tool bar and the panels to the acts. */
   page.wireControls = function (acts) {
@@ -79,6 +80,7 @@
     const { layers, look, camera, selected } = view;
     const slider = page.byId("slider");
     const { tick } = player;
+    slider.min = String(model.firstTick);
     slider.max = String(model.lastTick);
     slider.value = String(tick);
     const s = model.stage ? (tick * model.stage.tick_s).toFixed(1) : "0";
@@ -93,7 +95,7 @@
     for (const layer of ["trails", "rings", "goals", "packets", "own"]) {
       pressed(`layer-${layer}`, layers[layer]);
     }
-    page.setText(page.byId("view"), { whole: "view: whole arena", close: "view: close by", free: "view: by hand" }[camera.mode]);
+    page.setText(page.byId("view"), `view: ${VIEWS[camera.mode]}`);
     pressed("theme", look.theme === "dark");
     pressed("type", look.large);
     showRobots(model, selected);

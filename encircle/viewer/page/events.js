@@ -90,12 +90,13 @@
     }
 
     markElements(model) {
-      const last = Math.max(1, model.lastTick);
+      const { firstTick: first } = model;
+      const span = Math.max(1, model.lastTick - first);
       return model.events
         .filter(({ kind }) => !UNMARKED.has(kind))
         .map(({ tick, kind, text }) => {
           const mark = page.element("span", { title: `tick ${tick}: ${text}` }, this.icon(kind, 13 * this.look.scale));
-          mark.style.left = `${(100 * tick) / last}%`;
+          mark.style.left = `${(100 * (tick - first)) / span}%`;
           return mark;
         });
     }

@@ -28,10 +28,17 @@
       return { kind: "wait", text: model.status.text || "No data yet: waiting for the run to begin." };
     }
     if (!model.status.complete) {
-      return { kind: "warn", text: `This recording was cut off: it ends at tick ${model.lastTick}, before the end of its run.` };
+      const at = `it ends at tick ${model.lastTick}, before the end of its run`;
+      return { kind: "warn", text: `This recording was cut off: ${at}.` };
     }
     if (selected !== null && !model.hasBeliefs) {
       return { kind: "warn", text: "This recording has no beliefs: only the truth can be shown." };
+    }
+    if (model.firstTick > 0) {
+      return { kind: "info", text: `Looking on since tick ${model.firstTick}: what was before is not known here.` };
+    }
+    if (model.status.missed_ticks) {
+      return { kind: "info", text: `This viewer was too slow for ${model.status.missed_ticks} ticks.` };
     }
     return model.status.text ? { kind: "info", text: model.status.text } : null;
   };

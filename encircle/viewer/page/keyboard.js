@@ -3,12 +3,13 @@
 
 (function (page) {
   const FAR_TICKS = 10;
+  const ticks = (far) => (far ? FAR_TICKS : 1);
 
   /* Keys, what the help says of them, and what they do to the page's acts. */
   const KEYS = [
     { keys: [" ", "k"], label: "Space", text: "play or pause", act: (p) => p.toggle() },
-    { keys: ["ArrowLeft"], label: "←", text: "one tick back; with Shift ten", act: (p, far) => p.step(far ? -FAR_TICKS : -1) },
-    { keys: ["ArrowRight"], label: "→", text: "one tick on; with Shift ten", act: (p, far) => p.step(far ? FAR_TICKS : 1) },
+    { keys: ["ArrowLeft"], label: "←", text: "one tick back; with Shift ten", act: (p, far) => p.step(-ticks(far)) },
+    { keys: ["ArrowRight"], label: "→", text: "one tick on; with Shift ten", act: (p, far) => p.step(ticks(far)) },
     { keys: ["Home"], label: "Home", text: "first tick", act: (p) => p.seek(0) },
     { keys: ["End"], label: "End", text: "last tick", act: (p) => p.seek(Infinity) },
     { keys: ["n"], label: "n", text: "next event", act: (p) => p.event(true) },
@@ -16,8 +17,8 @@
     { keys: ["-", "_"], label: "−", text: "slower", act: (p) => p.changeSpeed(-1) },
     { keys: ["+", "="], label: "+", text: "faster", act: (p) => p.changeSpeed(1) },
     { keys: ["l"], label: "l", text: "follow the live edge", act: (p) => p.follow() },
-    { keys: ["]", "ArrowDown"], label: "] or ↓", text: "the world as the next robot believes it", act: (p) => p.selectBy(1) },
-    { keys: ["[", "ArrowUp"], label: "[ or ↑", text: "… as the robot before believes it", act: (p) => p.selectBy(-1) },
+    { keys: ["]", "ArrowDown"], label: "] or ↓", text: "the world as believed by the next", act: (p) => p.selectBy(1) },
+    { keys: ["[", "ArrowUp"], label: "[ or ↑", text: "… by the one before", act: (p) => p.selectBy(-1) },
     { keys: ["Escape", "0"], label: "Esc", text: "the truth", act: (p) => p.select(null) },
     { keys: ["p"], label: "p", text: "packets", act: (p) => p.switchLayer("packets") },
     { keys: ["o"], label: "o", text: "only packets of the picked robot", act: (p) => p.switchLayer("own") },
@@ -52,7 +53,7 @@
   /* Rows for the help panel. */
   page.keyRows = function () {
     const rows = KEYS.map(({ label, text }) => [label, text]);
-    rows.splice(11, 0, ["1 … 9", "the world as r1 … r9 believes it"]);
+    rows.splice(11, 0, ["1 … 9", "the world as believed by r1 … r9"]);
     return rows.map(([label, text]) =>
       page.element("tr", {}, page.element("td", {}, page.element("kbd", {}, label)), page.element("td", {}, text)),
     );

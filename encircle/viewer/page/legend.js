@@ -51,8 +51,10 @@
           const { role, shape } = page.fateStyle(fate);
           const count = page.element("span", { class: "count" });
           const chip = page.element(
-            "button", { type: "button", class: "chip", "data-fate": fate, title: "Show or hide these packets" },
-            page.shapeIcon(shape, this.look.colour(role), 15 * this.look.scale, this.look.colour("ink")), page.fateWords(fate), " ", count,
+            "button",
+            { type: "button", class: "chip", "data-fate": fate, title: "Show or hide these packets" },
+            page.shapeIcon(shape, this.look.colour(role), 15 * this.look.scale, this.look.colour("ink")),
+            page.fateWords(fate), " ", count,
           );
           chip.addEventListener("click", () => this.onSwitch(fate));
           this.counts.set(fate, { count, chip });

@@ -5,6 +5,7 @@
   const SIZE_PX = 4.2;
   const TAIL_ALPHA = 0.4;
   const TAILS = 60; // Of more, each is fainter.
+  const TAILS_MAX = 800; // Of more, none is seen.
   const CROWDED = 250;
   const CROWDED_PX = 3;
   const LOSS_HASTE = 1.8; // A lost packet is at its end before its tick is over, to be seen there.
@@ -44,6 +45,18 @@
     return [from, page.between(from, to, Math.min(1, share) * style.reach)];
   }
 
+  function drawTails(ctx, flights, colour, count) {
+    ctx.globalAlpha = Math.min(TAIL_ALPHA, (TAIL_ALPHA * TAILS) / count);
+    ctx.strokeStyle = colour;
+    ctx.beginPath();
+    for (const [from, at] of flights) {
+      ctx.moveTo(from[0], from[1]);
+      ctx.lineTo(at[0], at[1]);
+    }
+    ctx.stroke();
+    ctx.globalAlpha = 1;
+  }
+
   /* Draws all packets that are on their way; returns how many. */
   page.drawLinks = function (view) {
     const { ctx, look, model, moment, layers, selected } = view;
@@ -61,15 +74,7 @@
     ctx.lineWidth = 1.2;
     flights.forEach((some, fate) => {
       if (!some.length) return;
-      ctx.globalAlpha = Math.min(TAIL_ALPHA, (TAIL_ALPHA * TAILS) / count);
-      ctx.strokeStyle = look.colour(styles[fate].role);
-      ctx.beginPath();
-      for (const [from, at] of some) {
-        ctx.moveTo(from[0], from[1]);
-        ctx.lineTo(at[0], at[1]);
-      }
-      ctx.stroke();
-      ctx.globalAlpha = 1;
+      if (count <= TAILS_MAX) drawTails(ctx, some, look.colour(styles[fate].role), count);
       const size = (count > CROWDED ? CROWDED_PX : SIZE_PX) * look.scale;
       const { image, half } = sprite(look, fates[fate], size);
       for (const [, at] of some) ctx.drawImage(image, at[0] - half, at[1] - half, 2 * half, 2 * half);

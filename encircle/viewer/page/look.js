@@ -96,8 +96,11 @@
     triangle: (ctx, x, y, r) => polygon(ctx, x, y, 1.2 * r, 3, -Math.PI / 2),
     wedge: (ctx, x, y, r) => polygon(ctx, x, y, 1.2 * r, 3, Math.PI / 2),
     cross: (ctx, x, y, r) => {
-      ctx.rect(x - r, y - 0.38 * r, 2 * r, 0.76 * r);
-      ctx.rect(x - 0.38 * r, y - r, 0.76 * r, 2 * r);
+      const arm = 0.38 * r;
+      const corners = [[-arm, -r], [arm, -r], [arm, -arm], [r, -arm], [r, arm], [arm, arm], [arm, r]];
+      corners.push([-arm, r], [-arm, arm], [-r, arm], [-r, -arm], [-arm, -arm]);
+      corners.forEach(([dx, dy], k) => ctx[k ? "lineTo" : "moveTo"](x + dx, y + dy));
+      ctx.closePath();
     },
   };
   const STROKED = {

@@ -50,7 +50,7 @@
       const { ctx, width, height } = page.fittedCanvas(this.canvas);
       Object.assign(this, { stage, ages: frame.age, n: stage.robots.length });
       const n = this.n;
-      this.gutter = (n > 24 ? 16 : 26) * look.scale;
+      this.gutter = (n > 24 ? 22 : 26) * look.scale;
       this.cell = Math.max(1, Math.min((width - this.gutter) / n, (height - this.gutter) / n));
       ctx.clearRect(0, 0, width, height);
       for (let row = 0; row < n; row += 1) {

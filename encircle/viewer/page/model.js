@@ -14,6 +14,7 @@
     clear(stage) {
       this.stage = stage;
       this.frames = [];
+      this.first = null;
       this.events = [];
       this.sums = [];
       this.bounds = null;
@@ -41,6 +42,7 @@
       if (!this.stage) return;
       const known = frame.t in this.frames;
       this.frames[frame.t] = frame;
+      this.first = this.first === null ? frame.t : Math.min(this.first, frame.t);
       if (known) this.events = this.events.filter((event) => event.tick !== frame.t);
       for (const [kind, text, robots] of frame.ev) {
         this.events.push({ tick: frame.t, kind, text, robots });
@@ -67,6 +69,11 @@
       return this.frames.length > 0;
     }
 
+    /* The first tick that the page has: not 0 if who looks on came late. */
+    get firstTick() {
+      return this.first === null ? 0 : this.first;
+    }
+
     /* The last tick that the page has. */
     get lastTick() {
       return Math.max(0, this.frames.length - 1);
@@ -77,14 +84,12 @@
       for (let t = Math.min(tick, this.lastTick); t >= 0; t -= 1) {
         if (this.frames[t]) return this.frames[t];
       }
-      return this.frames.find((frame) => frame) || null;
+      return this.frames[this.firstTick] || null;
     }
 
-    /* What a feed should go on with: the run, and the first tick that the page does not have. */
+    /* What a feed should go on with: the run, and the tick after the last one that the page has. */
     position() {
-      let from = 0;
-      while (this.frames[from]) from += 1;
-      return { run: this.stage ? this.stage.run : null, from };
+      return { run: this.stage ? this.stage.run : null, from: this.frames.length };
     }
 
     /* The names of all fates: "arrived", "late", and each cause of loss, by its code plus one. */

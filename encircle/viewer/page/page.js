@@ -18,6 +18,8 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
 "use strict";
 
 (function (page) {
+  const BELIEF_KEY =
+    "Dashed: peers, age of what it knows. Shaded: 95 % of the estimate. Dots: prediction. Faded: the truth.";
   const PAUSE_MS = 250; // A longer time between two frames is no pace of drawing.
   const model = new page.Model();
   const player = new page.Player(model);
@@ -174,10 +176,9 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
   function beliefWords(name, { peers, target }) {
     const worst = peers.reduce((most, peer) => (peer[1] > most[1] ? peer : most), ["", -1]);
     const parts = [];
-    if (peers.length) parts.push(`farthest off for ${worst[0]}: ${worst[1].toFixed(2)} m`);
-    else parts.push("knows of no peer");
-    parts.push(target === null ? "no estimate of the target" : `target off by ${target.toFixed(2)} m`);
-    return `As ${name} believes it: ${parts.join("; ")}. Dashed: peers, with the age of what it knows. Shaded: 95 % of the estimate. Dots: predicted target. Faded: the truth.`;
+    parts.push(peers.length ? `off by ${worst[1].toFixed(2)} m for ${worst[0]} at most` : "no peer is known");
+    parts.push(target === null ? "no estimate of the target" : `by ${target.toFixed(2)} m for the target`);
+    return `As ${name} believes it: ${parts.join(", ")}. ${BELIEF_KEY}`;
   }
 
   function take(message) {
@@ -185,7 +186,8 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     const wasRunning = status.state === "running";
     model.take(message);
     if (model.version !== version) begin();
-    const untouched = player.time === 0 && !player.playing;
+    player.time = Math.max(player.time, model.firstTick);
+    const untouched = player.time === model.firstTick && !player.playing;
     if (!wasRunning && status.state === "running" && untouched) player.follow();
     for (const fate of model.fates) if (!(fate in layers.fates)) layers.fates[fate] = true;
     if (model.hasFrames && begunVersion !== model.version) {

@@ -26,7 +26,7 @@
     }
 
     play() {
-      if (this.time >= this.model.lastTick && !this.following) this.time = 0;
+      if (this.time >= this.model.lastTick && !this.following) this.time = this.model.firstTick;
       this.following = false;
       this.playing = true;
       this.changed();
@@ -46,7 +46,7 @@
     /* Goes to a tick, or the nearest that there is. */
     seek(tick) {
       this.following = false;
-      this.time = Math.min(Math.max(0, tick), this.model.lastTick);
+      this.time = Math.min(Math.max(this.model.firstTick, tick), this.model.lastTick);
       this.changed();
     }
 

@@ -9,6 +9,7 @@ Both sources have one interface. A message is an object with one or more of thes
             text      one line for people, or ""
             complete  false if a recording was cut off before the end of its run
             beliefs   false if beliefs were not worked out
+            missed_ticks  how many ticks a viewer that came late has not seen
             control   true if this page may change the radio (page/control.js)
 
 A recording that was written into the file stands in <script type="application/json" id="recording">
@@ -16,7 +17,7 @@ as base64 of the gzip of one such message.
 
 The feed is a WebSocket at ws://HOST/feed with JSON text messages, both ways. After each connection
 the page first sends {"resume": {"run": NAME or null, "from": TICK}}: the run that it shows and the
-first tick that it does not have. The feed answers with the stage, with all frames from that tick on
+tick after the last one that it has. The feed answers with the stage, with all frames from that tick on
 (from 0 on if it has another run) and with the status. Whatever a control sends goes to
 source.send(object).
 
