@@ -15,11 +15,11 @@ from helpers_commands import command
 from helpers_hosts import NodeProcess
 from helpers_hunt import LONG, ROBOTS, Hunt
 from helpers_ros2 import ODOMETRY, POSE_STAMPED, TWIST, TWIST_STAMPED, RosClient
+from helpers_security import Lab, free_endpoint
 from helpers_waiting import until
 
 import encircle
 from encircle.runlog.ground_truth import ground_truth_of
-from encircle.runner.launch import free_endpoint
 from encircle.world.recording.recording import read_recording
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
@@ -33,8 +33,9 @@ JOIN = ("--join-timeout", "3600")
 class RosHunt(Hunt):
     """A hunt with a router, and what ROS 2 has of it."""
 
-    def __init__(self, folder, scenario, ros_endpoint=None):
+    def __init__(self, folder, scenario, ros_endpoint=None, protocol="tcp"):
         super().__init__(folder, scenario)
+        self.endpoint = free_endpoint(protocol)
         self.where = ("--connect", self.endpoint)
         if ros_endpoint is not None:
             self.where += ("--ros-connect", ros_endpoint)
@@ -74,7 +75,7 @@ def hunts(tmp_path):
 @pytest.fixture
 def ros_router(tmp_path):
     """Of ROS 2's side, apart from that of the hunt."""
-    endpoint = free_endpoint()
+    endpoint = free_endpoint("tcp")
     command = ("-m", "encircle.protocol.programs.router", "--listen", endpoint)
     node = NodeProcess([sys.executable, *command], tmp_path / "ros-router", {})
     node.wait_for_listening()
@@ -161,6 +162,31 @@ def test_in_lock_step_a_ros_2_node_decides_tick_by_tick(hunts, tmp_path):
     assert "refused a message on /r3/cmd_vel: linear.x = nan: must be" in steered.said
     assert f"ros2: {TICKS} commands taken, 1 refused" in steered.said
     assert hunt.world.result()["departures"] == []
+
+
+def test_with_certificates_ros_2_sees_and_steers_by_a_router_of_its_own(
+    hunts, ros_router, tmp_path, monkeypatch
+):
+    """The bridge shows the viewer's certificate, and who steers r3 that of r3."""
+    monkeypatch.setenv("ENCIRCLE_CERTIFICATES", str(Lab(tmp_path).directory))
+    hunt = hunts(SCENARIO | {"ticks_max": 30}, ros_router, "tls")
+    bridge = hunt.show()
+    with RosClient(ros_router, tmp_path / "messages") as client:
+        commands = client.publisher("/r3/cmd_vel", TWIST)
+        client.echo(
+            "/r3/belief/pose", POSE_STAMPED, lambda _: commands.publish(**client.twist(1.0))
+        )
+        poses = client.echo("/r3/pose", POSE_STAMPED)
+        client.wait_for_topic("/r3/pose")
+        steered = hunt.steer("r3")
+        client.wait_for_topic("/r3/belief/pose")
+        for robot in ("r1", "r2", "r4"):
+            hunt.start_robot(robot)
+        assert [node.end() for node in (hunt.world, steered, bridge)] == [0, 0, 0]
+        until(lambda: poses and tick_of(poses[-1]) == 30, "the last pose")
+    path = hunt.truth().robots[:, 2]
+    assert path[-1] - path[0] == pytest.approx([30 * 1.0 * TICK_S, 0.0], abs=1e-3)
+    assert spot(poses[-1]) == tuple(path[-1])
 
 
 @pytest.mark.realtime
