@@ -30,6 +30,7 @@ COMMANDS = {
         "Read a recording back, and check it.", "encircle.cli.recordings", "replay_main"
     ),
     "export": Command("Write a recording in another format.", "encircle.cli.exporting"),
+    "foxglove": Command("Serve a hunt that is going on to Foxglove.", "encircle.cli.foxglove_live"),
     "transport": Command(
         "Show what the network did to each link.", "encircle.cli.recordings", "transport_main"
     ),

@@ -26,7 +26,7 @@ def add_show_options(options: Options) -> None:
         "--host",
         "serve the page at this address; 127.0.0.1, which only this machine reaches, if left out."
         " Elsewhere everybody who reaches it can look on, and nobody can change the run",
-        read=_host,
+        read=host_name,
         metavar="ADDRESS",
     )
     options.add_flag("--no-browser", "do not open a browser")
@@ -66,7 +66,8 @@ def show_options(settings: Namespace, what: str) -> "ShowOptions":
     )
 
 
-def _host(value: str) -> str:
+def host_name(value: str) -> str:
+    """An address or name of this machine; ``ArgumentTypeError`` for what cannot be one."""
     if not value or any(c.isspace() or c in "/:?#[]@" for c in value.replace(":", "", 9)):
         raise ArgumentTypeError(f"{value!r} is not an address or name of this machine")
     return value

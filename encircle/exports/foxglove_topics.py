@@ -6,7 +6,8 @@ messages of Foxglove's own schemas; numbers and decisions are JSON with a schema
 tools read field by field. Log time is simulated time.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from math import cos, sin
 from typing import Any
 
@@ -34,7 +35,7 @@ from encircle.exports import curves, drawing
 from encircle.exports.events import is_warning
 from encircle.exports.flights import Flights, fate_of
 from encircle.exports.foxglove_shapes import UPRIGHT, pose_at, scene_update
-from encircle.exports.shapes import FRAME_ID, Point
+from encircle.exports.shapes import FRAME_ID, Entity, Point
 from encircle.scene.frame import Frame
 from encircle.scene.stage import Stage
 
@@ -129,15 +130,18 @@ class HuntTopics:
 
     def _log_scene(self, frame: Frame) -> None:
         stage, tick = self._stage, frame.tick
-        layers = {
-            "bodies": drawing.bodies(stage, frame),
-            "plan": drawing.plan(stage, frame),
-            "packets": drawing.packets(self._flights.take(frame)),
+        layers: dict[str, Callable[[], tuple[Entity, ...]]] = {
+            "bodies": partial(drawing.bodies, stage, frame),
+            "plan": partial(drawing.plan, stage, frame),
+            "packets": partial(drawing.packets, self._flights.take(frame)),
         }
         for k, robot in enumerate(stage.robots):
-            layers[f"beliefs/{robot}"] = drawing.beliefs(stage, frame, k)
-        for layer, entities in layers.items():
-            self._log(f"/scene/{layer}", tick, scene_update(entities, self._stamp(tick)))
+            layers[f"beliefs/{robot}"] = partial(drawing.beliefs, stage, frame, k)
+        for layer, drawn in layers.items():
+            # A live server has no reader for most of what robots believe.
+            if self._channels[f"/scene/{layer}"].has_sinks():
+                update = scene_update(drawn(), self._stamp(tick))
+                self._log(f"/scene/{layer}", tick, update)
 
     def _log_poses(self, frame: Frame) -> None:
         tick, stamp = frame.tick, self._stamp(frame.tick)
