@@ -12,6 +12,7 @@ from typing import Any
 import zenoh
 
 from encircle.protocol.keys import parse_key, robot_key, world_key
+from encircle.protocol.zenoh.access_control import SHOWN
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.protocol.zenoh.liveliness import alive_keys, subscribe_alive
 from encircle.protocol.zenoh.queries import query
@@ -39,7 +40,8 @@ class Onlooker:
                 hear(str(sample.key_expr), sample.payload.to_bytes())
 
         callback = zenoh.handlers.Callback(take, indirect=False)
-        expressions = (world_key(run, "state"), world_key(run, "radio"), robot_key(run, "*", "*"))
+        shown = (world_key(run, channel) for channel in SHOWN)
+        expressions = (*shown, robot_key(run, "*", "*"))
         self._kept: list[Any] = [
             self._session.declare_subscriber(expression, callback) for expression in expressions
         ]

@@ -1,10 +1,14 @@
-"""A browser for all tests of the page that one worker runs."""
+"""A browser for the tests of the page, one for each module.
+
+As long as it is there an event loop runs in the thread of the tests, in which ``asyncio.run`` is
+refused: tests of other modules must not meet it.
+"""
 
 import pytest
 from helpers_browser import SeenPage, running_browser
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser():
     with running_browser() as running:
         yield running

@@ -11,6 +11,9 @@ from encircle.protocol.messages import Intervention
 from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.replay.replaying import replay
+from encircle.viewer.history import Position
+from encircle.viewer.hunt_show import HuntShow
+from encircle.viewer.showing import ShowOptions, WatchEnd
 from encircle.world.recording.recording import read_recording
 from encircle.world.recording.resuming import digest_of
 
@@ -75,6 +78,25 @@ def test_given_while_it_goes_on_it_replays_to_the_same_digest(tmp_path):
     assert replay(recording).same
     assert digest_of(recording) == hunt.digest
     assert hunt.result.packets_lost == {"loss": 12 * (hunt.result.ticks - event["tick"])}
+
+
+def test_who_looks_on_over_zenoh_sees_what_was_given_by_hand(tmp_path):
+    interventions = given({"kind": "loss", "rate": 0.8, "tick": 5}, {"kind": "heal", "tick": 7})
+    show = HuntShow(ShowOptions(browser=False, end=WatchEnd.RUN), False, interventions)
+    try:
+        encircle.run(
+            "sim1",
+            interventions=interventions,
+            onlooker=show,
+            overrides=["ticks_max=12"],
+            pace=20.0,
+        )
+        message, _ = show.show.history.next_message(Position(), {})
+    finally:
+        show.stop()
+    shown = {f["t"]: [text for _, text, _ in f["ev"]] for f in json.loads(message)["frames"]}
+    assert "by hand: every link loses 80 % of packets" in shown[5]
+    assert "by hand: silences, outages and partitions are over" in shown[7]
 
 
 def test_nobody_else_can_change_a_run_by_any_key(tmp_path):
