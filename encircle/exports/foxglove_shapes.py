@@ -23,7 +23,7 @@ from foxglove.messages import (
     Vector3,
 )
 
-from encircle.exports.shapes import (
+from encircle.exports.drawing.shapes import (
     FRAME_ID,
     Colour,
     Disc,

@@ -6,8 +6,7 @@ messages of Foxglove's own schemas; numbers and decisions are JSON with a schema
 tools read field by field. Log time is simulated time.
 """
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from math import cos, sin
 from typing import Any
 
@@ -31,11 +30,11 @@ from foxglove.messages import (
     Vector3,
 )
 
-from encircle.exports import curves, drawing
-from encircle.exports.events import is_warning
-from encircle.exports.flights import Flights, fate_of
+from encircle.exports.drawing import curves, layers
+from encircle.exports.drawing.events import is_warning
+from encircle.exports.drawing.flights import Flights, fate_of
+from encircle.exports.drawing.shapes import FRAME_ID, Point
 from encircle.exports.foxglove_shapes import UPRIGHT, pose_at, scene_update
-from encircle.exports.shapes import FRAME_ID, Entity, Point
 from encircle.scene.frame import Frame
 from encircle.scene.stage import Stage
 
@@ -92,7 +91,7 @@ class HuntTopics:
         """Log what stays the same: run and obstacles."""
         stage = self._stage
         self._log("/run", tick, {name: _plain(getattr(stage, name)) for name in RUN})
-        self._log("/scene/arena", tick, scene_update(drawing.arena(stage), self._stamp(tick)))
+        self._log("/scene/arena", tick, scene_update(layers.arena(stage), self._stamp(tick)))
 
     def take(self, frame: Frame) -> None:
         """Log all that there is to see at a frame's tick."""
@@ -130,18 +129,11 @@ class HuntTopics:
 
     def _log_scene(self, frame: Frame) -> None:
         stage, tick = self._stage, frame.tick
-        layers: dict[str, Callable[[], tuple[Entity, ...]]] = {
-            "bodies": partial(drawing.bodies, stage, frame),
-            "plan": partial(drawing.plan, stage, frame),
-            "packets": partial(drawing.packets, self._flights.take(frame)),
-        }
-        for k, robot in enumerate(stage.robots):
-            layers[f"beliefs/{robot}"] = partial(drawing.beliefs, stage, frame, k)
-        for layer, drawn in layers.items():
+        drawn = layers.moving_layers(stage, frame, self._flights.take(frame))
+        for layer, draw in drawn.items():
             # A live server has no reader for most of what robots believe.
             if self._channels[f"/scene/{layer}"].has_sinks():
-                update = scene_update(drawn(), self._stamp(tick))
-                self._log(f"/scene/{layer}", tick, update)
+                self._log(f"/scene/{layer}", tick, scene_update(draw(), self._stamp(tick)))
 
     def _log_poses(self, frame: Frame) -> None:
         tick, stamp = frame.tick, self._stamp(frame.tick)

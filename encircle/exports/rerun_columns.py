@@ -15,7 +15,7 @@ import rerun as rr
 from numpy.typing import NDArray
 from rerun.components import LineStrip3DBatch
 
-from encircle.exports.shapes import Disc, Entity, Label, Line, Point, Segments, Shape
+from encircle.exports.drawing.shapes import Disc, Entity, Label, Line, Point, Segments, Shape
 
 Floats = NDArray[np.float32]
 S = TypeVar("S", bound=Shape)

@@ -1,10 +1,10 @@
 """A recording as a file for Rerun, with a blueprint: what is seen where when it is opened.
 
-Entities: ``scene/...`` and ``beliefs/ROBOT/...`` as in ``encircle.exports.drawing``, in three
-dimensions and seen from above, since Rerun's views of two have the y axis downwards;
-``trails/ROBOT``; ``truth/ROBOT`` positions as they are; ``ages`` as a tensor of receivers by
-senders; numbers under ``values``, ``distances_m`` and ``decisions``; ``modes`` as states;
-``packets`` counts by fate; ``events`` as a text log; ``run`` as a document.
+Entities: ``scene/...`` and ``beliefs/ROBOT/...`` are the layers of
+``encircle.exports.drawing.layers``, in three dimensions and seen from above, since Rerun's views of
+two have the y axis downwards; ``trails/ROBOT``; ``truth/ROBOT`` positions as they are; ``ages`` as
+a tensor of receivers by senders; numbers under ``values``, ``distances_m`` and ``decisions``;
+``modes`` as states; ``packets`` counts by fate; ``events`` as a text log; ``run`` as a document.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from encircle.exports import curves, drawing
-from encircle.exports.events import is_warning
-from encircle.exports.flights import Flights, fate_of
+from encircle.exports.drawing import curves, layers
+from encircle.exports.drawing.events import is_warning
+from encircle.exports.drawing.flights import Flights, fate_of
+from encircle.exports.drawing.shapes import Entity, Line
 from encircle.exports.rerun_blueprint import blueprint
 from encircle.exports.rerun_columns import RerunColumns
-from encircle.exports.shapes import Entity, Line
 from encircle.protocol.process.interrupts import check
 from encircle.scene.builder import scene_of_recording
 from encircle.scene.frame import Event, Frame
@@ -70,7 +70,7 @@ def _write(stage: Stage, frames: Sequence[Frame], out: Path) -> None:
     columns, flights = RerunColumns(stream, stage.tick_s), Flights(stage.causes)
     for first in range(0, len(frames), TICKS_AT_ONCE):
         _send_scene(columns, stage, frames[first : first + TICKS_AT_ONCE], flights)
-    columns.send_layer("scene/arena", [frames[0].tick], [drawing.arena(stage)])
+    columns.send_layer("scene/arena", [frames[0].tick], [layers.arena(stage)])
     for send in (_send_truth, _send_numbers, _send_decisions, _send_packets, _send_events):
         check()
         send(columns, stage, frames)
@@ -99,24 +99,24 @@ def _send_scene(
 ) -> None:
     """Write what is drawn at ticks that follow those written before."""
     ticks = [frame.tick for frame in frames]
-    columns.send_layer("scene/bodies", ticks, [drawing.bodies(stage, f) for f in frames])
-    columns.send_layer("scene/plan", ticks, [drawing.plan(stage, f) for f in frames])
-    packets = [drawing.packets(flights.take(frame)) for frame in frames]
+    columns.send_layer("scene/bodies", ticks, [layers.bodies(stage, f) for f in frames])
+    columns.send_layer("scene/plan", ticks, [layers.plan(stage, f) for f in frames])
+    packets = [layers.packets(flights.take(frame)) for frame in frames]
     columns.send_layer("scene/packets", ticks, packets)
     for k, robot in enumerate(stage.robots):
         check()
-        believed = [drawing.beliefs(stage, frame, k) for frame in frames]
+        believed = [layers.beliefs(stage, frame, k) for frame in frames]
         columns.send_layer(f"beliefs/{robot}", ticks, believed)
 
 
 def _steps(stage: Stage, before: Frame, after: Frame) -> tuple[Entity, ...]:
     """The way of each body from one tick to the next."""
-    colours = [drawing.colour_of_robot(k, 0.6) for k in range(len(stage.robots))]
-    colours.append(drawing.role_colour("target", 0.6))
+    colours = [layers.colour_of_robot(k, 0.6) for k in range(len(stage.robots))]
+    colours.append(layers.role_colour("target", 0.6))
     starts, ends = [*before.robots, before.target], [*after.robots, after.target]
     named = zip([*stage.robots, "target"], starts, ends, colours, strict=True)
     return tuple(
-        Entity(name, (Line((start, end), colour, drawing.THIN_M),))
+        Entity(name, (Line((start, end), colour, layers.THIN_M),))
         for name, start, end, colour in named
     )
 

@@ -11,7 +11,16 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from encircle.exports.shapes import FRAME_ID, Colour, Disc, Entity, Label, Line, Point, Segments
+from encircle.exports.drawing.shapes import (
+    FRAME_ID,
+    Colour,
+    Disc,
+    Entity,
+    Label,
+    Line,
+    Point,
+    Segments,
+)
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
 KINDS: Mapping[str, Any] = dict(TYPES.types)

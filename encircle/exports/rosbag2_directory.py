@@ -22,9 +22,10 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-from encircle.exports import curves, drawing, ros_messages
-from encircle.exports.events import is_warning
-from encircle.exports.flights import Flights
+from encircle.exports import ros_messages
+from encircle.exports.drawing import curves, layers
+from encircle.exports.drawing.events import is_warning
+from encircle.exports.drawing.flights import Flights
 from encircle.protocol.process.interrupts import check
 from encircle.scene.builder import frames_of_recording
 from encircle.scene.frame import Frame
@@ -105,7 +106,7 @@ def timed_messages(
 def _constants(stage: Stage, time_ns: int) -> Iterator[TopicMessage]:
     obstacles = [(f"obstacle_{k}", (x, y), 0.0) for k, (x, y, _) in enumerate(stage.obstacles, 1)]
     yield "/tf_static", ros_messages.transforms(time_ns, [("arena", (0.0, 0.0), 0.0), *obstacles])
-    yield "/encircle/markers/arena", ros_messages.markers(time_ns, drawing.arena(stage))
+    yield "/encircle/markers/arena", ros_messages.markers(time_ns, layers.arena(stage))
     yield "/encircle/run", ros_messages.text(f"{stage.title}, run {stage.run}, seed {stage.seed}")
 
 
@@ -125,15 +126,8 @@ def _bodies(
 
 
 def _scene(stage: Stage, time_ns: int, frame: Frame, flights: Flights) -> Iterator[TopicMessage]:
-    layers = {
-        "bodies": drawing.bodies(stage, frame),
-        "plan": drawing.plan(stage, frame),
-        "packets": drawing.packets(flights.take(frame)),
-    }
-    for k, robot in enumerate(stage.robots):
-        layers[f"beliefs/{robot}"] = drawing.beliefs(stage, frame, k)
-    for layer, entities in layers.items():
-        yield f"/encircle/markers/{layer}", ros_messages.markers(time_ns, entities)
+    for layer, draw in layers.moving_layers(stage, frame, flights.take(frame)).items():
+        yield f"/encircle/markers/{layer}", ros_messages.markers(time_ns, draw())
 
 
 def _numbers(stage: Stage, frame: Frame) -> Iterator[TopicMessage]:

@@ -8,9 +8,9 @@ import pytest
 from helpers_exports import lossy_hunt
 from helpers_scene import hunted
 
-from encircle.exports import drawing
-from encircle.exports.flights import Leg
-from encircle.exports.shapes import Disc, Label, Line, Segments, colour_of
+from encircle.exports.drawing import layers
+from encircle.exports.drawing.flights import Leg
+from encircle.exports.drawing.shapes import Disc, Label, Line, Segments, colour_of
 from encircle.protocol.parameters import Parameters
 from encircle.scene.builder import scene_of_recording
 from encircle.scene.frame import Belief, PeerBelief
@@ -36,7 +36,7 @@ def test_the_ring_of_a_goal_is_as_large_as_the_scenario_says():
     scene, rings = scene_of_recording(recording), 0
     for frame in scene.frames:
         for k in range(len(scene.stage.robots)):
-            if frame.modes[k] == "encircle" and (ring := drawing.ring_of(frame, k)):
+            if frame.modes[k] == "encircle" and (ring := layers.ring_of(frame, k)):
                 centre, drawn_m = ring
                 assert drawn_m == pytest.approx(radius_m, rel=0.01)
                 assert dist(centre, frame.goals[k]) == drawn_m
@@ -51,11 +51,11 @@ def test_the_region_of_an_estimate_holds_the_target_with_its_probability():
     variance_m2 = 0.04
     belief = frame.beliefs[2]._replace(covariance=(variance_m2, 0.0, 1.0))
     frame = replace(frame, beliefs=(None, None, belief))
-    (disc,) = shapes(drawing.beliefs(scene.stage, frame, 2), "target", Disc)
+    (disc,) = shapes(layers.beliefs(scene.stage, frame, 2), "target", Disc)
     assert disc.centre == belief.estimate[:2]
     errors = np.random.default_rng(1).normal(0.0, variance_m2**0.5, (40_000, 2))
     within = (np.hypot(*errors.T) <= disc.radius_m).mean()
-    assert within == pytest.approx(drawing.CONFIDENCE, abs=0.005)
+    assert within == pytest.approx(layers.CONFIDENCE, abs=0.005)
 
 
 def test_a_ghost_fades_with_age_and_tells_it():
@@ -64,7 +64,7 @@ def test_a_ghost_fades_with_age_and_tells_it():
     for age_ticks, opacity in ((0, 1.0), (20, 1.0 / 3.0), (40, 1.0 / 9.0)):
         peer = PeerBelief(1, 3.0, 4.0, age_ticks, False)
         belief = Belief(CLEAR, (peer,), None, None, ())
-        drawn = drawing.beliefs(scene.stage, replace(frame, beliefs=(belief, None, None)), 0)
+        drawn = layers.beliefs(scene.stage, replace(frame, beliefs=(belief, None, None)), 0)
         (outline,) = shapes(drawn, "r2", Line)
         assert outline.colour.a == pytest.approx(opacity)
         assert not shapes(drawn, "r2", Disc), "it is not planned with"
@@ -75,7 +75,7 @@ def test_a_ghost_fades_with_age_and_tells_it():
 def test_a_large_team_s_ghosts_have_no_labels():
     recording, _ = hunted(load({"team": {"robots": 20}, "ticks_max": 3}))
     scene = scene_of_recording(recording)
-    drawn = drawing.beliefs(scene.stage, scene.frames[2], 0)
+    drawn = layers.beliefs(scene.stage, scene.frames[2], 0)
     assert len(drawn) > 10
     assert not [s for e in drawn for s in e.shapes if isinstance(s, Label)]
 
@@ -84,7 +84,7 @@ def test_bodies_say_who_is_lost_and_who_is_silent():
     scene = scene_of_recording(lossy_hunt())
     texts = {}
     for frame in scene.frames:
-        for thing in drawing.bodies(scene.stage, frame):
+        for thing in layers.bodies(scene.stage, frame):
             (label,) = [s for s in thing.shapes if isinstance(s, Label)]
             texts.setdefault(frame.tick, []).append(label.text)
     assert texts[8] == ["r1 silent", "r2 lost", "r3", "target"]
@@ -93,21 +93,21 @@ def test_bodies_say_who_is_lost_and_who_is_silent():
 
 def test_each_fate_has_a_mark_of_its_own():
     styles = [ARRIVED, LATE, *LOST.values()]
-    marks = {style.shape: drawing.mark(style.shape, CLEAR) for style in styles}
+    marks = {style.shape: layers.mark(style.shape, CLEAR) for style in styles}
     assert all(marks.values())
     assert len({repr(mark) for mark in marks.values()}) == len(marks)
     for pieces in marks.values():
-        assert all(hypot(*point) <= drawing.MARK_M / 2 + 1e-9 for p in pieces for point in p)
+        assert all(hypot(*point) <= layers.MARK_M / 2 + 1e-9 for p in pieces for point in p)
 
 
 def test_packets_are_drawn_by_fate():
     legs = [Leg(CLEAR, (1.0, 0.0), fate) for fate in ("loss", "arrived", "loss")]
-    drawn = drawing.packets(legs)
+    drawn = layers.packets(legs)
     assert [thing.name for thing in drawn] == ["arrived", "loss"]
     ways, marks = entity(drawn, "loss").shapes
     assert isinstance(ways, Segments)
     assert len(ways.points) == 4
-    assert len(marks.points) == 2 * 2 * len(drawing.mark("x", CLEAR))
+    assert len(marks.points) == 2 * 2 * len(layers.mark("x", CLEAR))
 
 
 def test_colours_are_read_from_their_codes():

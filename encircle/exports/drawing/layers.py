@@ -9,12 +9,12 @@ the colours are those of the palette's dark theme.
 """
 
 from bisect import bisect_left
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from math import cos, dist, log, pi, sin, sqrt
 
-from encircle.exports.flights import Leg, style_of
-from encircle.exports.shapes import (
+from encircle.exports.drawing.flights import Leg, style_of
+from encircle.exports.drawing.shapes import (
     Colour,
     Disc,
     Entity,
@@ -53,6 +53,23 @@ def role_colour(role: str, opacity: float = 1.0) -> Colour:
 def colour_of_robot(robot: int, opacity: float = 1.0) -> Colour:
     """The colour of a robot by its place in the robot order."""
     return colour_of(robot_colour(robot)).faded(opacity)
+
+
+def moving_layers(
+    stage: Stage, frame: Frame, legs: Sequence[Leg]
+) -> dict[str, Callable[[], tuple[Entity, ...]]]:
+    """The layers of a frame by name, all but ``arena``, each drawn when it is called.
+
+    ``legs``: of the packets on their way after the frame's tick.
+    """
+    drawn: dict[str, Callable[[], tuple[Entity, ...]]] = {
+        "bodies": partial(bodies, stage, frame),
+        "plan": partial(plan, stage, frame),
+        "packets": partial(packets, legs),
+    }
+    for k, robot in enumerate(stage.robots):
+        drawn[f"beliefs/{robot}"] = partial(beliefs, stage, frame, k)
+    return drawn
 
 
 def arena(stage: Stage) -> tuple[Entity, ...]:

@@ -6,7 +6,7 @@ from math import dist
 import pytest
 from helpers_exports import lossy_hunt
 
-from encircle.exports.flights import Flights, fate_of, style_of
+from encircle.exports.drawing.flights import Flights, fate_of, style_of
 from encircle.scene.builder import scene_of_recording
 from encircle.scene.frame import Packet
 

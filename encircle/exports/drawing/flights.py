@@ -8,7 +8,7 @@ share of its link that the palette gives to its cause: where it was lost the cha
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from encircle.exports.shapes import Point
+from encircle.exports.drawing.shapes import Point
 from encircle.scene.frame import Frame, Packet
 from encircle.scene.palette import ARRIVED, LATE, LOST, UNKNOWN_LOSS, PacketStyle
 
