@@ -74,10 +74,11 @@ RUNS = {
 }
 PICTURES = {
     "loss.png": Picture("loss", "tick=20.4&theme=light"),
-    "belief.png": Picture("faster", "tick=9&robot=r3&theme=light"),
+    "belief.png": Picture("cut", "tick=40&robot=r2&view=close&theme=light"),
+    "faster.png": Picture("faster", "tick=9.5&theme=dark"),
     "sixteen.png": Picture("sixteen", "tick=30.5&theme=dark"),
     "cut.png": Picture("cut", "tick=22.5&theme=light"),
-    "projector.png": Picture("cut", "tick=36&robot=r4&theme=dark&type=large", PROJECTOR),
+    "projector.png": Picture("cut", "tick=40&robot=r2&view=close&theme=dark&type=large", PROJECTOR),
 }
 
 

@@ -3,7 +3,7 @@
 
 (function (page) {
   const BODY_PX_MIN = 5;
-  const DIMMED = 0.28; // How strong the truth is behind a belief.
+  const DIMMED = 0.34; // How strong the truth is behind a belief.
   const NAMED_ROBOTS_MAX = 32;
 
   page.DIMMED = DIMMED;

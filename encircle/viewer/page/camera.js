@@ -7,6 +7,7 @@
   const SPAN_M_MIN = 10;
   const BODY_PX_MIN = 8; // A view of all in which bodies are smaller is not the one to begin with.
   const CATCH_UP_HZ = 3;
+  const HURRY_HZ = 20; // While something is out of view.
   const ZOOM_PX_PER_M_MAX = 400;
 
   class Camera {
@@ -38,7 +39,8 @@
       if (this.mode === "free" && !this.fresh) return false;
       const box = this.mode === "close" ? closeBox(moment) : wholeBox(model);
       const goal = this.fit(box);
-      const share = this.fresh || resized ? 1 : 1 - Math.exp(-CATCH_UP_HZ * s);
+      const rate = this.shows(box) ? CATCH_UP_HZ : HURRY_HZ;
+      const share = this.fresh || resized ? 1 : 1 - Math.exp(-rate * s);
       const before = [...this.centre, this.pxPerM];
       this.centre = page.between(this.centre, goal.centre, share);
       this.pxPerM *= (goal.pxPerM / this.pxPerM) ** share;
@@ -54,6 +56,14 @@
         centre: [(x0 + x1) / 2, (y0 + y1) / 2],
         pxPerM: Math.min(w / spans[0], h / spans[1]),
       };
+    }
+
+    /* Whether a box is in view, but for half a margin. */
+    shows([x0, y0, x1, y1]) {
+      const [left, top] = this.place(0, 0);
+      const [right, bottom] = this.place(...this.size);
+      const slack = CLOSE_MARGIN_M / 2;
+      return x0 + slack >= left && y0 + slack >= bottom && x1 - slack <= right && y1 - slack <= top;
     }
 
     x(xM) {

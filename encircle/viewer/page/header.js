@@ -17,6 +17,17 @@
     return { kind: "missed", text: `no capture in ${lastTick} ticks (${s} s)` };
   };
 
+  /* The arena at a tick for who does not see it. */
+  page.arenaWords = function (stage, frame) {
+    const robots = stage.robots.map((name, k) => {
+      const state = frame.lost[k] ? ", lost" : frame.sil[k] ? ", silent" : "";
+      return `${name} ${frame.val.d[k].toFixed(1)} m from the target${state}`;
+    });
+    const s = (frame.t * stage.tick_s).toFixed(1);
+    const captured = frame.cap ? " The target is captured." : "";
+    return `The arena at tick ${frame.t}, ${s} s: ${robots.join("; ")}.${captured}`;
+  };
+
   /* What the reader should know of the data itself: {kind, text}, or null if all is well. */
   page.notice = function (model, connection, selected) {
     if (connection === "failed") return { kind: "bad", text: "The data in this file cannot be read." };

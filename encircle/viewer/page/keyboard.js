@@ -53,7 +53,7 @@
   /* Rows for the help panel. */
   page.keyRows = function () {
     const rows = KEYS.map(({ label, text }) => [label, text]);
-    rows.splice(11, 0, ["1 … 9", "the world as believed by r1 … r9"]);
+    rows.splice(10, 0, ["1 … 9", "the world as believed by r1 … r9"]);
     return rows.map(([label, text]) =>
       page.element("tr", {}, page.element("td", {}, page.element("kbd", {}, label)), page.element("td", {}, text)),
     );

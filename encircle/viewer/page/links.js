@@ -3,6 +3,7 @@
 
 (function (page) {
   const SIZE_PX = 4.2;
+  const LANE_PX = 3.5;
   const TAIL_ALPHA = 0.4;
   const TAILS = 60; // Of more, each is fainter.
   const TAILS_MAX = 800; // Of more, none is seen.
@@ -31,15 +32,19 @@
   }
 
   /* Where a packet is: from the sender at the tick of sending to the receiver as it moves, from body
-     to body, so that an arrived one is seen beside its receiver. Places on the canvas. */
+     to body, so that an arrived one is seen beside its receiver, and on the right-hand side of the way,
+     so that the two directions of a pair are apart. Places on the canvas. */
   function flight(view, sentTick, packet, due, style, inset) {
     const { camera, model, moment } = view;
     const start = model.frames[sentTick].r[packet[0]];
     const end = moment.robots[packet[1]];
-    const [x0, y0, x1, y1] = [camera.x(start[0]), camera.y(start[1]), camera.x(end[0]), camera.y(end[1])];
-    const cut = Math.min(0.4, inset / Math.max(1, Math.hypot(x1 - x0, y1 - y0)));
-    const from = page.between([x0, y0], [x1, y1], cut);
-    const to = page.between([x0, y0], [x1, y1], 1 - cut);
+    const [x, y] = [camera.x(start[0]), camera.y(start[1])];
+    const [dx, dy] = [camera.x(end[0]) - x, camera.y(end[1]) - y];
+    const length = Math.max(1, Math.hypot(dx, dy));
+    const cut = Math.min(0.4, inset / length);
+    const side = LANE_PX / length;
+    const at = (part) => [x + part * dx - side * dy, y + part * dy + side * dx];
+    const [from, to] = [at(cut), at(1 - cut)];
     const passed = moment.time - sentTick;
     const share = due > 0 ? passed / (due - sentTick) : Math.min(1, LOSS_HASTE * passed);
     return [from, page.between(from, to, Math.min(1, share) * style.reach)];

@@ -191,8 +191,13 @@
       };
       const before = this.last.get(key) || 0;
       const order = [before, ...PLACES.keys()];
-      const free = (k) => !this.boxes.some((box) => overlap(box, boxOf(PLACES[k])));
-      const place = order.find(free) ?? before;
+      const covered = (k) => this.boxes.filter((box) => overlap(box, boxOf(PLACES[k]))).length;
+      let [place, least] = [before, Infinity];
+      for (const k of order) {
+        const count = covered(k);
+        if (count < least) [place, least] = [k, count];
+        if (!least) break;
+      }
       this.last.set(key, place);
       const box = boxOf(PLACES[place]);
       this.boxes.push(box);

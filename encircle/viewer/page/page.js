@@ -155,6 +155,7 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     events.update(model, tick);
     charts.update(model, tick, view.moment);
     showBeliefWords();
+    if (!player.moving) canvas.setAttribute("aria-label", page.arenaWords(model.stage, view.moment.frame));
   }
 
   function showBeliefWords() {
