@@ -11,6 +11,7 @@ from encircle.protocol.process.log import say, say_error
 from encircle.protocol.programs.option_values import one_of, whole_number_in
 from encircle.protocol.programs.options import Options
 from encircle.runner.links import LINKS
+from encircle.studies.replay_choices import FEW, REPLAYS
 
 WORKERS_MAX = 1024
 
@@ -79,6 +80,7 @@ def study_main(arguments: Sequence[str], program: str) -> int:
         settings.workers,
         settings.cluster,
         settings.set,
+        settings.replays,
     )
     try:
         answer = run_study(request)
@@ -125,5 +127,13 @@ def _study_options(program: str) -> Options:
     )
     options.add("--cluster", "a dask scheduler: tcp/... or tcp://...", metavar="ADDRESS")
     options.add_list("--set", "change a key of the scenario; may be repeated", metavar="KEY=VALUE")
+    options.add(
+        "--replays",
+        "which runs the report links replays of: few (median and worst of the two cells that"
+        " differ most), all (of every cell) or none; few if left out",
+        read=one_of(REPLAYS),
+        default=FEW,
+        metavar="WHICH",
+    )
     options.add_flag("--json", "print one JSON object")
     return options

@@ -43,6 +43,8 @@ tbody th { font-weight: 400; max-width: 18rem; }
 td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
 .words th { font-weight: 600; white-space: nowrap; }
 details { margin: .5rem 0; }
+a { color: #0b5cad; }
+a:focus-visible { outline: 2px solid #0072b2; outline-offset: 2px; }
 summary { cursor: pointer; padding: .25rem 0; }
 pre { background: var(--tint); border: 1px solid var(--line); border-radius: 4px; padding: .75rem;
   white-space: pre-wrap; overflow-wrap: anywhere; font-size: .8125rem; }
@@ -104,6 +106,18 @@ def paragraph(text: str, kind: str = "") -> str:
 def bullets(texts: Iterable[str]) -> str:
     """A list."""
     return "<ul>\n" + "\n".join(f"<li>{escape(text)}</li>" for text in texts) + "\n</ul>"
+
+
+def links(items: Iterable[tuple[str, str, str]]) -> str:
+    """A list of links to files beside the page: path, text, and what is said of it.
+
+    An item without a path is text alone.
+    """
+    lines = []
+    for path, text, note in items:
+        shown = f'<a href="{escape(path)}">{escape(text)}</a>' if path else escape(text)
+        lines.append(f"<li>{shown}: {escape(note)}</li>")
+    return "<ul>\n" + "\n".join(lines) + "\n</ul>"
 
 
 def preformatted(text: str) -> str:

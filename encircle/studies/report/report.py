@@ -17,10 +17,12 @@ from encircle.studies.plan import Plan
 from encircle.studies.report import page
 from encircle.studies.report.failures import failure_sections
 from encircle.studies.report.findings_tables import finding_sections
+from encircle.studies.report.replay_links import replay_sections
 from encircle.studies.report.result_tables import counted, measure_tables, result_tables
 from encircle.studies.report.setup_text import axis_rows, setup_rows
 from encircle.studies.study_table import OWNER_FILE, TABLE_FILE, StudyTable
 from encircle.studies.summary import Summary, summarise
+from encircle.studies.telling_runs import Replay
 
 REPORT_FILE = "report.html"
 VALUES_MAX = 40
@@ -33,6 +35,7 @@ def write_report(
     command: str,
     *,
     summary: Summary | None = None,
+    replays: Sequence[Replay] = (),
     date: str = "",
 ) -> Path:
     """Write ``report.html``, the CSV files and the figures; returns the path of the page.
@@ -40,7 +43,7 @@ def write_report(
     ``table`` must be complete, where a failed run counts as present. The page lists failed
     runs; if every seed has one, it says little else. ``command``: the command line that repeats
     the study, shown on the page. ``summary``: the summary of the table, computed if it is not
-    given.
+    given. ``replays``: of its telling runs, to which the page links.
     """
     missing = int((~table.done & ~table.failed).sum())
     assert missing == 0, f"{missing} runs are missing"
@@ -53,6 +56,7 @@ def write_report(
         charts = write_charts(summary, directory)
         content += [
             *_findings(summary),
+            *replay_sections(plan, replays),
             *_setup(plan, summary.plan),
             *_figures(charts),
             *result_tables(summary),
@@ -61,7 +65,11 @@ def write_report(
             *_repeating(plan, table, command, bool(summary.comparisons)),
         ]
     else:
-        content += [*_setup(plan, plan), *_repeating(plan, table, command, False)]
+        content += [
+            *replay_sections(plan, replays),
+            *_setup(plan, plan),
+            *_repeating(plan, table, command, False),
+        ]
     path = directory / REPORT_FILE
     path.write_text(page.document(plan.title or plan.name, content), encoding="utf-8")
     return path
