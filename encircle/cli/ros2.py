@@ -51,16 +51,16 @@ def main(arguments: Sequence[str], program: str) -> int:
 
 def _check(settings: Namespace, options: Options) -> None:
     """What does not go together."""
-    if not (settings.connect or settings.listen or settings.zenoh_config):
-        options.error(f"--run {settings.run}: where? Give --connect, --listen or --zenoh-config")
+    if settings.listen:
+        options.error(f"--listen {settings.listen[0]}: it only connects, to what --connect names")
+    if not (settings.connect or settings.zenoh_config):
+        options.error(f"--run {settings.run}: where? Give --connect or --zenoh-config")
     if settings.certificates and not settings.ros_connect:
         options.error(
             "--certificates: no certificate lets ROS 2's messages through the run's gate;"
             " give ROS 2's own router with --ros-connect"
         )
     if settings.robot:
-        if settings.listen and not settings.ros_connect:
-            options.error("--listen goes with --robot only if --ros-connect says where ROS 2 is")
         if settings.time is not None:
             options.error("--time does not go with --robot: a robot knows its run's time")
     elif settings.command_timeout is not None:

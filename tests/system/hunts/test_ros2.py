@@ -262,7 +262,7 @@ def test_a_run_that_is_not_there_is_told_of(hunts):
         (("--release", "jazy"), "'jazy' is not one of humble, jazzy, kilted, lyrical, rolling"),
         (("--domain", "233"), "'233' is not a whole number from 0 to 232"),
         (("--robot", "r3", "--time", "sim"), "--time does not go with --robot"),
-        (("--robot", "r3", "--listen", "tcp/127.0.0.1:1"), "--listen goes with --robot only if"),
+        (("--listen", "tcp/127.0.0.1:1"), "--listen tcp/127.0.0.1:1: it only connects"),
         (("--command-timeout", "1"), "--command-timeout goes with --robot"),
         (("--certificates", "nowhere"), "--ros-connect"),
         (("--ros-connect", "7447"), "connect = '7447': must be PROTOCOL/"),
