@@ -60,11 +60,13 @@ class CommandMode(StrEnum):
     """Modes of commands that no policy has chosen.
 
     ``FAILED``: the robot's own code has failed; it cannot go on, nor can the run. ``STOP``: in real
-    time, unasked, when no observation comes: the robot stands still.
+    time, unasked, when no observation comes: the robot stands still. ``STEERED``: somebody outside
+    has decided, by ROS 2; what is in the run's messages does not say why.
     """
 
     FAILED = "failed"
     STOP = "stop"
+    STEERED = "ros2"
 
 
 def quantise_m(length_m: float) -> float:
@@ -288,7 +290,7 @@ class Command:
         Field(
             "as in Pose, for the record, as all that follows; but a command with mode `failed`,"
             " without a pose, says that the robot's own code has failed: it counts for nothing"
-            " else, and the world ends the run as failed"
+            " else, and the world ends the run as failed; `ros2` if [ROS 2](ros2.md) has decided"
         ),
     ]
     xi: Annotated[Real | None, Field("as in Pose", "ticks")]

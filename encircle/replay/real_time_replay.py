@@ -17,7 +17,7 @@ from encircle.protocol.keys import channel_of
 from encircle.protocol.messages import Command, CommandMode, Pose
 from encircle.protocol.real_time import Receipt
 from encircle.replay.receipts import NotRecorded, RobotByReceipts
-from encircle.replay.replay_check import ReplayCheck, raise_failure
+from encircle.replay.replay_check import ReplayCheck, raise_failure, steered_text
 from encircle.world.recording.recording import Recording, decoded
 
 Packets = dict[tuple[str, int], bytes]
@@ -90,6 +90,9 @@ class _RobotCheck:
         self.unchecked: list[str] = []
         self.compared = 0
         self._robot, self._part, self._run, self._packets = robot, part, run, packets
+        self._steered = {t for t, c in part.commands.items() if c.mode == CommandMode.STEERED}
+        if self._steered:
+            self.unchecked.append(steered_text(robot, len(self._steered)))
 
     def run_all(self) -> None:
         """Check every participation of the robot in the run."""
@@ -134,6 +137,8 @@ class _RobotCheck:
         raise_failure(robot.core)
         if answer is None:
             self.differences.append((tick, self._robot, "command"))
+            return
+        if tick in self._steered:
             return
         messages = {channel_of(key): payload for key, payload in answer[1]}
         mine, theirs = (

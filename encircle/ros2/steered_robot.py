@@ -23,7 +23,7 @@ from typing import NamedTuple
 from encircle.agents.brain.brain import Action, Perception
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.policies.interface import Decision, Policy, View
-from encircle.protocol.messages import Observation, Setup
+from encircle.protocol.messages import CommandMode, Observation, Setup
 from encircle.protocol.plugins import PluginFailed
 from encircle.ros2.commands import RobotCommand, Velocity, step_of
 
@@ -126,7 +126,7 @@ class Steering:
         if command is None or self._is_stale(newest, by_clock, view.tick_s):
             self._note(stands=True)
             self._strafed_rad = None
-            return Decision("stand", (0.0, 0.0), observation.position)
+            return _standing(observation)
         self._note(stands=False)
         x, y = observation.position
         # A robot that moves sideways has the direction of its way for its heading in the arena, and
@@ -135,8 +135,7 @@ class Steering:
         step, heading_rad = step_of(command, observation.position, heading_rad, view.tick_s)
         sideways = isinstance(command, Velocity) and not command.in_arena and command.y_mps != 0.0
         self._strafed_rad = heading_rad if sideways else None
-        mode = "steered" if isinstance(command, Velocity) else "goal"
-        return Decision(mode, step, (x + step[0], y + step[1]))
+        return Decision(CommandMode.STEERED, step, (x + step[0], y + step[1]))
 
     def _is_stale(self, newest: NewestCommand, by_clock: bool, tick_s: float) -> bool:
         if not isinstance(newest.command, Velocity):
@@ -177,7 +176,7 @@ class SteeredRobot(RobotCore):
         perception = self.perceive(observation)
         if self.setup is not None and observation.tick < self.setup.answer_tick:
             # It is told its past, of which nobody can still decide anything.
-            return self.act(perception, Decision("stand", (0.0, 0.0), observation.position))
+            return self.act(perception, _standing(observation))
         decision = self._steering.decide(perception, observation.sent_us is not None)
         if self._steering.mail.refused:
             self.refused[REFUSED] = self._steering.mail.refused
@@ -185,6 +184,10 @@ class SteeredRobot(RobotCore):
 
     def _policy_of(self, _setup: Setup) -> tuple[Policy, PluginFailed | None]:
         return _no_policy, None
+
+
+def _standing(observation: Observation) -> Decision:
+    return Decision(CommandMode.STEERED, (0.0, 0.0), observation.position)
 
 
 def _no_policy(_memory: None, view: View) -> tuple[None, Decision]:

@@ -15,7 +15,7 @@ from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode
 from encircle.protocol.errors import ProtocolError
 from encircle.protocol.keys import WORLD_CHANNELS, robot_key
-from encircle.protocol.messages import Command, End, Observation, Radio, State
+from encircle.protocol.messages import Command, CommandMode, End, Observation, Radio, State
 from encircle.runlog.runlog import Belief, Rounds, RunLog, belief_of, log_of
 from encircle.world.arena.engine import Arena, build, initial, truth
 from encircle.world.loading.interventions import as_played
@@ -154,6 +154,8 @@ class _LogBuilder:
     def _check(self, tick: int, robot: str, decided: Command) -> None:
         """Raise if the new robot decided otherwise; refused messages are no decision."""
         recorded = self.commands[tick, robot]
+        if recorded.mode == CommandMode.STEERED:
+            return  # decided outside, by whatever beliefs
         if replace(decided, refused={}) != replace(recorded, refused={}):
             raise RecordingError(
                 f"{robot} decided otherwise at tick {tick} than a robot of this program would:"

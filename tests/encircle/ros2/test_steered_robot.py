@@ -81,7 +81,7 @@ def test_in_lock_step_each_tick_is_answered_by_the_command_that_comes_for_it():
         robot.mail.answers = [Velocity(0.1 * number, 0.0, 0.0)]
         pose, command = robot.step()
         assert command.step == pytest.approx((0.01 * number, 0.0), abs=1e-6)
-        assert (command.mode, pose.mode, pose.tick) == ("steered", "steered", command.tick)
+        assert (command.mode, pose.mode, pose.tick) == ("ros2", "ros2", command.tick)
     assert [by_clock for _, by_clock in robot.told] == [False] * 5
     assert [perception.observation.tick for perception, _ in robot.told] == list(range(5))
 
@@ -102,7 +102,7 @@ def test_without_a_command_it_stands_and_the_run_waits_only_a_few_ticks():
     robot = Driven()
     for _ in range(10):
         _, command = robot.step(position=(3.0, 4.0))
-        assert (command.step, command.goal, command.mode) == ((0.0, 0.0), (3.0, 4.0), "stand")
+        assert (command.step, command.goal, command.mode) == ((0.0, 0.0), (3.0, 4.0), "ros2")
     assert robot.mail.waits == VAIN_WAITS_MAX
     assert robot.said == []
 
@@ -150,7 +150,7 @@ def test_a_goal_holds_until_there_is_another_command(by_clock):
     for _ in range(20):
         _, command = robot.step()
         assert command.step == pytest.approx((0.0, BODIES["step_m_max"]), abs=1e-6)
-        assert (command.mode, command.goal) == ("goal", (0.0, 10.0))
+        assert (command.mode, command.goal) == ("ros2", (0.0, 10.0))
     assert robot.step(position=(0.0, 9.9))[1].step == pytest.approx((0.0, 0.1), abs=1e-6)
     assert robot.step(position=(0.0, 10.0))[1].step == (0.0, 0.0)
     robot.mail.put(FORWARD)

@@ -19,7 +19,10 @@ from helpers_security import Lab, free_endpoint
 from helpers_waiting import until
 
 import encircle
+from encircle.replay.replaying import replay
 from encircle.runlog.ground_truth import ground_truth_of
+from encircle.runlog.recorded_log import log_of_recording
+from encircle.scene.builder import scene_of_recording
 from encircle.world.recording.recording import read_recording
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
@@ -161,6 +164,15 @@ def test_in_lock_step_a_ros_2_node_decides_tick_by_tick(hunts, tmp_path):
     assert targets, "it believes to know where the target is"
     assert "refused a message on /r3/cmd_vel: linear.x = nan: must be" in steered.said
     assert f"ros2: {TICKS} commands taken, 1 refused" in steered.said
+    recording = read_recording(hunt.out)
+    checked = replay(recording)
+    assert checked.same
+    assert checked.unchecked == (f"r3: ROS 2 has decided at {TICKS} ticks; not checked there",)
+    assert (log_of_recording(recording).modes[:, 2] == "ros2").all()
+    beliefs = [frame.beliefs[2] for frame in scene_of_recording(recording).frames[:-1]]
+    assert [(round(b.position[0], 3), round(b.position[1], 3)) for b in beliefs] == [
+        (round(x, 3), round(y, 3)) for x, y in path[:TICKS].tolist()
+    ]
     assert hunt.world.result()["departures"] == []
 
 
@@ -223,6 +235,9 @@ def test_by_the_clock_a_ros_2_node_steers_a_robot_and_one_that_is_silent_lets_it
         assert hunt.departures == []
         hunt.world.terminate()
         steered.end()
+    checked = replay(read_recording(hunt.out))
+    assert not checked.differences
+    assert "r3: ROS 2 has decided at" in checked.unchecked[0]
 
 
 def spot(message):
