@@ -3,12 +3,14 @@
     python docs/viewer/screenshots.py [DIRECTORY]
 
 Hunts in memory, exports each as one HTML file, opens it in a headless Chromium and takes pictures
-of 256 colours each into this file's folder, or another one.
+of 256 colours each into this file's folder, or another one. One hunt is shown while it goes on, and
+is changed by hand.
 """
 
 import shutil
 import sys
 import tempfile
+import threading
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +19,8 @@ from playwright.sync_api import sync_playwright
 
 import encircle
 from encircle.viewer.html_export import export
+from encircle.viewer.hunt_show import HuntShow
+from encircle.viewer.showing import ShowOptions, WatchEnd
 from encircle.world.recording.recording import read_recording
 
 OPTIONS = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
@@ -72,6 +76,13 @@ RUNS = {
     "sixteen": ("sim1", SIXTEEN),
     "cut": (CUT, []),
 }
+BY_HAND = [
+    {"kind": "loss", "rate": 0.6, "tick": 20},
+    {"kind": "partition", "groups": [["r1", "r2"], ["r3", "r4"]], "tick": 35},
+    {"kind": "move-target", "position": [4.0, 3.0], "tick": 42},
+    {"kind": "silence", "robot": "r3", "tick": 47, "ticks": 30},
+    {"kind": "range", "range_m": 14.0, "tick": 50},
+]
 PICTURES = {
     "loss.png": Picture("loss", "tick=20.4&theme=light"),
     "belief.png": Picture("cut", "tick=40&robot=r2&view=close&theme=light"),
@@ -90,7 +101,9 @@ def main(folder: Path) -> None:
             executable_path=shutil.which("chromium"), args=[*OPTIONS]
         )
         for name, picture in PICTURES.items():
-            _take(browser, pages[picture.run], picture, folder / name)
+            page = _opened(browser, f"{pages[picture.run].as_uri()}#{picture.shows}", picture.size)
+            _take(page, folder / name)
+        _take_control(browser, folder / "control.png")
         browser.close()
 
 
@@ -102,11 +115,45 @@ def _page_of(directory: Path, name: str) -> Path:
     return page
 
 
-def _take(browser, page: Path, picture: Picture, path: Path) -> None:
-    width, height = picture.size
+def _take_control(browser, path: Path) -> None:
+    """A picture of the page of a hunt that goes on, whose radio is changed by hand."""
+    interventions, page_is_open = encircle.Interventions(), threading.Event()
+    show = HuntShow(ShowOptions(browser=False, end=WatchEnd.RUN), True, interventions)
+    is_there = threading.Event()
+
+    def progress(report) -> None:
+        show.on_report(report)
+        if "tick" in report and not is_there.is_set():
+            is_there.set()
+            page_is_open.wait()
+
+    changes = ["ticks_max=75", "target.step_m_max=0.6"]
+    how = {"link": "memory", "overrides": changes, "pace": 4.0}
+    how |= {"interventions": interventions, "onlooker": show, "progress": progress}
+    hunt = threading.Thread(target=encircle.run, args=("sim1",), kwargs=how)
+    hunt.start()
+    is_there.wait()
+    shown = _opened(browser, f"{show.show.server.address}#theme=light", LAPTOP)
+    for event in BY_HAND:
+        interventions.give(event)
+    page_is_open.set()
+    hunt.join()
+    shown.wait_for_function("() => encircle.state().last_tick === 75")
+    shown.wait_for_selector("#control-said:has-text('range 14 m')")
+    shown.evaluate("encircle.seek(54)")
+    _take(shown, path)
+    show.stop()
+
+
+def _opened(browser, address: str, size: tuple[int, int]):
+    width, height = size
     shown = browser.new_page(viewport={"width": width, "height": height})
-    shown.goto(f"{page.as_uri()}#{picture.shows}")
+    shown.goto(address)
     shown.wait_for_function("() => window.encircle && encircle.state().ready")
+    return shown
+
+
+def _take(shown, path: Path) -> None:
     shown.wait_for_function("() => document.querySelectorAll('#charts .bk-Figure').length === 6")
     shown.wait_for_load_state("networkidle")
     shown.evaluate("new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))")

@@ -120,6 +120,19 @@ def test_the_digest_of_a_recording_is_the_one_its_program_prints(
     assert digest_by_the_page(recording, monkeypatch, capsys) == hunt.digest
 
 
+def test_the_digest_of_a_run_that_was_changed_is_the_one_its_program_prints(
+    tmp_path, monkeypatch, capsys
+):
+    interventions = encircle.Interventions()
+    for rate in (0.2, 0.9, 0.5):
+        interventions.give({"kind": "loss", "rate": rate})
+    interventions.give({"kind": "crash", "robot": "r2", "tick": 9, "ticks": 6})
+    path = tmp_path / "run"
+    hunt = encircle.run("sim1", link="memory", out=path, interventions=interventions)
+    assert len(hunt.result.interventions) == 4
+    assert digest_by_the_page(path / "recording.mcap", monkeypatch, capsys) == hunt.digest
+
+
 def digest_by_the_page(recording, monkeypatch, capsys):
     """What the program of the page prints for a recording."""
     script = recording.with_name("digest.py")

@@ -217,7 +217,10 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       let text = "as the scenario";
       if (value !== null) {
         text = `${shown(value / about.perUnit)} ${about.unit}`;
-        if (about.kind === "delay") text += ` (${Math.max(1, Math.ceil(value / this.tickS - 1e-9))} ticks)`;
+        if (about.kind === "delay") {
+          const ticks = Math.max(1, Math.ceil(value / this.tickS - 1e-9));
+          text += ` (${ticks} tick${ticks > 1 ? "s" : ""})`;
+        }
         if (isOwn) text += about.kind === "delay" ? "" : " (scenario)";
       }
       setText(this.output, text);

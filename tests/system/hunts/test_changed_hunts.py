@@ -51,6 +51,22 @@ def test_given_before_the_start_it_is_the_run_in_memory_message_by_message(tmp_p
     assert summary["scenario"]["events"] == []
 
 
+def test_a_changed_run_that_was_cut_off_goes_on_as_processes_to_the_same_digest(tmp_path):
+    hunt = encircle.run(
+        "sim1",
+        link="memory",
+        out=tmp_path / "run",
+        overrides=["target.step_m_max=0.6", "ticks_max=100"],
+        interventions=given(*PLAN),
+    )
+    recording = tmp_path / "run" / "recording.mcap"
+    whole = recording.read_bytes()
+    recording.write_bytes(whole[: len(whole) * 6 // 10])
+    resumed = encircle.resume(tmp_path / "run")
+    assert resumed.digest == hunt.digest
+    assert resumed.result.interventions == hunt.result.interventions
+
+
 def test_given_while_it_goes_on_it_replays_to_the_same_digest(tmp_path):
     interventions, reports = encircle.Interventions(), []
 

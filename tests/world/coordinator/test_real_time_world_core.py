@@ -141,6 +141,21 @@ def test_direct_with_a_perfect_channel_says_nothing_of_packets():
     assert (told.inbox, told.admitted) == ((), None)
 
 
+def test_direct_with_a_channel_that_was_perfect_tells_what_it_admits_once_that_is_changed():
+    core = world("radio=direct")
+    for number in range(4):
+        for robot in core.arena.ids:
+            sent(core, robot, number, number)
+        if number == 1:
+            core.intervene({"kind": "loss", "rate": 1.0})
+        told = ended_tick(core)["r2"]
+        # What was sent at tick 1 arrives at 2 as ever; what is sent from 2 on is lost.
+        expected = [None, ("r1", "r3", "r4"), (), ()][number]
+        admitted = told.admitted
+        assert admitted == (expected and tuple([(robot, number) for robot in expected]))
+    assert core.rounds.result().packets_lost == {"loss": 24}
+
+
 def test_direct_with_a_channel_tells_which_packets_it_admits_and_draws_fates_as_ever():
     channel = 'channel.delay={model="constant",mean_s=0.05}'
     core, reference = world("radio=direct", channel), world(channel)
