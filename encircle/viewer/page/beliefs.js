@@ -44,6 +44,26 @@
     view.labels.draw(view, `ghost ${k}`, `${model.stage.robots[k]} · ${age}${words}${unused}`, px, py, radius);
   }
 
+  /* Where a robot takes itself to be, if that is seen to be elsewhere than where it is. */
+  function drawItself(view, [x, y]) {
+    const { ctx, camera, moment, model, selected } = view;
+    const { colour } = page.robotStyle(selected);
+    const [px, py] = [camera.x(x), camera.y(y)];
+    const [tx, ty] = [camera.x(moment.robots[selected][0]), camera.y(moment.robots[selected][1])];
+    if (Math.hypot(px - tx, py - ty) <= ERROR_PX_MIN) return;
+    const radius = page.bodyPx(view, model.stage.radius_m);
+    ctx.strokeStyle = colour;
+    ctx.lineWidth = 2;
+    ctx.setLineDash([5, 3]);
+    ctx.beginPath();
+    ctx.arc(px, py, radius, 0, 2 * Math.PI);
+    ctx.moveTo(px, py);
+    ctx.lineTo(tx, ty);
+    ctx.stroke();
+    ctx.setLineDash([]);
+    view.labels.draw(view, "itself", `${model.stage.robots[selected]} by itself`, px, py, radius);
+  }
+
   function drawEstimate(view, belief) {
     const { ctx, camera, look, model } = view;
     const [x, y] = [camera.x(belief.e[0]), camera.y(belief.e[1])];
@@ -90,11 +110,12 @@
     }
   }
 
-  /* Ghosts of peers, the estimate of the target with its 95 % ellipse, its prediction as dots. */
+  /* The robot itself, ghosts of peers, the estimate of the target with its 95 % ellipse, its prediction as dots. */
   page.drawBelief = function (view, belief) {
     const { ctx, look } = view;
     ctx.font = look.font(12, 600);
     drawPrediction(view, belief);
+    drawItself(view, belief.p);
     if (belief.e) drawEstimate(view, belief);
     for (const peer of belief.n) drawGhost(view, peer);
     ctx.globalAlpha = 1;

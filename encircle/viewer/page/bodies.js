@@ -79,10 +79,10 @@
   function keepLabelsOff(view) {
     const { camera, labels, moment, model, belief } = view;
     const places = belief
-      ? [moment.robots[view.selected], ...belief.n.map(([, x, y]) => [x, y])]
+      ? [moment.robots[view.selected], ...belief.n.map(([, x, y]) => [x, y]), belief.e || []]
       : [...moment.robots, moment.target];
     const radius = 0.8 * bodyPx(view, model.stage.radius_m);
-    for (const [x, y] of places) labels.keepOff(camera.x(x), camera.y(y), radius);
+    for (const [x, y] of places.filter((place) => place.length)) labels.keepOff(camera.x(x), camera.y(y), radius);
   }
 
   /* Robots with heading and name, and the target: a disc with a star. Discs are to scale, unless

@@ -171,7 +171,12 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     const ended = model.status.state === "ended" && player.tick === model.lastTick;
     if (ended) return `${name} decides no more: the run is over.`;
     const lost = view.moment.frame.lost[view.selected];
-    return lost ? `${name} is lost: it believes nothing.` : `What ${name} believes at this tick is not known.`;
+    if (lost) return `${name} is lost: it believes nothing.`;
+    const doubt = model.events.findLast(
+      ({ kind, tick, robots }) => kind === "unsure" && tick <= player.tick && robots.includes(name),
+    );
+    const words = doubt ? doubt.text : `what ${name} believes at this tick is not known`;
+    return `${words[0].toUpperCase()}${words.slice(1)}.`;
   }
 
   function beliefWords(name, { peers, target }) {

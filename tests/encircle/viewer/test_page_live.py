@@ -110,3 +110,42 @@ def test_a_replay_from_a_server_waits_at_its_start(seen, served):
     state = seen.drawn().state()
     assert (state["tick"], state["playing"], state["following"]) == (0, False, False)
     assert "cut off" in state["notice"]
+
+
+def test_who_comes_late_sees_what_is_left_and_that_something_is_not(seen, served):
+    stage, frames = shown()
+    served.send(stage=stage, frames=frames[10:20], status=RUNNING)
+    seen.until("encircle.state().time === 19")
+    assert "since tick 10" in seen.text("#notice")
+    assert seen.do("seek(3)").state()["tick"] == 10
+    assert seen.page.get_attribute("#slider", "min") == "10"
+    sent = sum(len(frame["pk"]) for frame in frames[10:15])
+    assert sum(seen.do("seek(15)").state()["fates"].values()) == sent
+    assert seen.complaints == []
+
+
+def test_ticks_that_were_missed_on_the_way_are_told_and_passed_over(seen, served):
+    stage, frames = shown()
+    some = [frame for frame in frames if frame["t"] not in (7, 8, 12)]
+    served.send(stage=stage, frames=some, status={**RUNNING, "missed_ticks": 3})
+    seen.until(f"encircle.state().last_tick === {len(frames) - 1}")
+    assert "too slow for 3 ticks" in seen.text("#notice")
+    for tick in (6, 7, 8, 9, 12, 13):
+        assert seen.do(f"seek({tick})").state()["tick"] == tick
+    seen.do("select('r1')").do("play()").until("encircle.state().tick >= 15")
+    assert seen.complaints == []
+
+
+def test_why_a_belief_is_not_known_is_told(seen, served):
+    stage, frames = shown()
+    doubt = ["unsure", "what r2 believes is not known: its policy is not here", ["r2"]]
+    unsure = [
+        frame
+        | {"bel": [None if k == 1 else b for k, b in enumerate(frame["bel"])], "unsure": ["r2"]}
+        | {"ev": [doubt] if frame["t"] == 0 else []}
+        for frame in frames
+    ]
+    served.send(stage=stage, frames=unsure, status=RUNNING)
+    seen.until("encircle.state().ready").do("seek(5)").do("select('r2')")
+    assert "What r2 believes is not known: its policy is not here" in seen.text("#belief")
+    assert seen.do("select('r1')").state()["belief"] is not None
