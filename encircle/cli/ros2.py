@@ -63,8 +63,10 @@ def _check(settings: Namespace, options: Options) -> None:
     if settings.robot:
         if settings.time is not None:
             options.error("--time does not go with --robot: a robot knows its run's time")
-    elif settings.command_timeout is not None:
-        options.error("--command-timeout goes with --robot only")
+        return
+    for name in ("command_timeout", "command_wait"):
+        if getattr(settings, name) is not None:
+            options.error(f"--{name.replace('_', '-')} goes with --robot only")
 
 
 def _ros_side(settings: Namespace, hunt_side: "Endpoints") -> "Endpoints":
@@ -108,7 +110,13 @@ def _steer(settings: Namespace, hunt_side: "Endpoints", ros_side: "Endpoints") -
     from encircle.protocol.zenoh.raw_session import RawSession
     from encircle.ros2.message_types import MessageTypes
     from encircle.ros2.node import RosNode
-    from encircle.ros2.steered_robot import COMMAND_S_MAX, CommandMail, SteeredRobot, Steering
+    from encircle.ros2.steered_robot import (
+        COMMAND_S_MAX,
+        WAIT_S_MAX,
+        CommandMail,
+        SteeredRobot,
+        Steering,
+    )
     from encircle.ros2.steering_node import SteeringNode
 
     robot, types, mail = settings.robot, MessageTypes(RELEASES[settings.release]), CommandMail()
@@ -121,7 +129,9 @@ def _steer(settings: Namespace, hunt_side: "Endpoints", ros_side: "Endpoints") -
         node = RosNode(ros, settings.domain, f"encircle_{robot}", settings.keyed_attachments)
         # What is refused must not use up the lines for what happens.
         told = SteeringNode(node, types, robot, mail, bounded_log())
-        steering = Steering(mail, told.tell, settings.command_timeout or COMMAND_S_MAX, say)
+        command_s_max = settings.command_timeout or COMMAND_S_MAX
+        wait_s_max = settings.command_wait or WAIT_S_MAX
+        steering = Steering(mail, told.tell, command_s_max, wait_s_max, say)
         say_error(f"ros2: robot {robot} listens to ROS 2 in domain {settings.domain} at {ros_side}")
         options = RobotOptions(
             settings.join_timeout or JOIN_S_MAX, make_core=partial(SteeredRobot, steering)
@@ -174,6 +184,12 @@ def _options(program: str) -> Options:
     options.add(
         "--command-timeout",
         "a velocity holds for so long, in s; 0.5 if left out",
+        read=seconds,
+        metavar="S",
+    )
+    options.add(
+        "--command-wait",
+        "in lock-step a tick waits so long for a command, in s; 1 if left out",
         read=seconds,
         metavar="S",
     )

@@ -10,7 +10,7 @@ peers as it believes them.
 
 **In lock-step** nothing is known of clocks. The run waits for this robot, and the robot for ROS 2:
 it answers a tick with the first command that comes after it has told of that tick, so that whoever
-answers each tick with one command decides tick by tick. It waits for ``WAIT_S_MAX`` at most; then
+answers each tick with one command decides tick by tick. It waits for ``wait_s_max`` at most; then
 the command before holds as by the clock, in the run's own time. After ``VAIN_WAITS_MAX`` such
 waits it waits no more until there is a command again, so that a run without a driver goes on.
 """
@@ -30,7 +30,8 @@ from encircle.ros2.commands import RobotCommand, Velocity, step_of
 COMMAND_S_MAX = 0.5
 """How long a velocity holds, in s, unless another length is asked for."""
 WAIT_S_MAX = 1.0
-"""How long a tick of a run in lock-step waits for a command, in s; the world waits for longer."""
+"""How long a tick of a run in lock-step waits for a command, in s, unless another length is asked
+for. The world has to wait for longer."""
 VAIN_WAITS_MAX = 3
 REFUSED = "ros2-command"
 """Under which a robot's command counts what it has refused of ROS 2."""
@@ -81,7 +82,8 @@ class Steering:
     """Makes decisions of commands.
 
     ``tell(perception, by_clock)`` is called at every tick before it is decided. ``command_s_max``:
-    how long a velocity holds, in s. ``say``: gets a line when commands begin and when they stop.
+    how long a velocity holds, in s; ``wait_s_max``: how long a tick waits for a command in
+    lock-step. ``say``: gets a line when commands begin and when they stop.
     """
 
     def __init__(
@@ -89,12 +91,13 @@ class Steering:
         mail: CommandMail,
         tell: Callable[[Perception, bool], None],
         command_s_max: float = COMMAND_S_MAX,
+        wait_s_max: float = WAIT_S_MAX,
         say: Callable[[str], None] = lambda _line: None,
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.mail = mail
         self._tell = tell
-        self._command_s_max = command_s_max
+        self._command_s_max, self._wait_s_max = command_s_max, wait_s_max
         self._say = say
         self._clock_s = clock_s
         self._begin()
@@ -117,7 +120,7 @@ class Steering:
         before = self.mail.newest().number
         self._tell(perception, by_clock)
         if not by_clock and self._vain_waits < VAIN_WAITS_MAX:
-            came = self.mail.comes_after(before, WAIT_S_MAX)
+            came = self.mail.comes_after(before, self._wait_s_max)
             self._vain_waits = 0 if came else self._vain_waits + 1
         newest = self.mail.newest()
         if newest.number != self._number:

@@ -54,7 +54,7 @@ class RosHunt(Hunt):
         return node
 
     def steer(self, robot, *options):
-        node = self.start_ros2("--robot", robot, *options)
+        node = self.start_ros2("--robot", robot, "--command-wait", "3600", *options)
         node.wait_until(lambda node: "listens to ROS 2" in node.said)
         return node
 
