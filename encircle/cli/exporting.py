@@ -13,7 +13,7 @@ from inspect import Parameter, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
-from encircle.cli.reading import read_or_tell
+from encircle.cli.reading import doubts_told, read_or_tell
 from encircle.extras import needing
 from encircle.protocol.process.interrupts import signals_held
 from encircle.protocol.process.log import say
@@ -93,7 +93,7 @@ def main(arguments: Sequence[str], program: str) -> int:
         export = getattr(import_module(form.module), form.function)
         given = _own_options(options, export, settings.to, _own_texts(settings))
         recording = read_or_tell(settings.run)
-        with signals_held(), made_whole(out) as unfinished:
+        with signals_held(), doubts_told(), made_whole(out) as unfinished:
             export(recording, unfinished, **given)
     _show(recording, settings.to, out, settings.json)
     return 0

@@ -1,5 +1,8 @@
 """Reading a recording for a command: one that is cut off is told of, and read all the same."""
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,3 +25,16 @@ def read_or_tell(run: Path) -> "Recording":
             " and what follows is left out"
         )
     return recording
+
+
+@contextmanager
+def doubts_told() -> Iterator[None]:
+    """Tell, in a line at the end, if it could not be worked out what robots believed."""
+    from encircle.scene.builder import BeliefsLeftOut
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", BeliefsLeftOut)
+        yield
+    for warning in caught:
+        if issubclass(warning.category, BeliefsLeftOut):
+            say_error(f"encircle: {warning.message}")

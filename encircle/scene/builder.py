@@ -11,6 +11,7 @@ packets in flight, time is linear in ticks.
 By the clock (``clock = "wall"``) commands may come late, and every frame waits for those two ticks.
 """
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
@@ -38,6 +39,7 @@ from encircle.protocol.messages import (
 )
 from encircle.scene.beliefs import LockStepBeliefs
 from encircle.scene.beliefs_by_clock import BeliefsByClock
+from encircle.scene.events import UNSURE
 from encircle.scene.frame import Frame
 from encircle.scene.frame_maker import FrameMaker, Round
 from encircle.scene.stage import Stage, stage_of
@@ -50,6 +52,10 @@ ROUNDS_AHEAD = 2
 """How many ticks later the truth must be known for a frame to be given out though parts miss."""
 ROUNDS_OPEN_MAX = 100
 """So many rounds are kept open at most, and none is opened that is so far ahead."""
+
+
+class BeliefsLeftOut(UserWarning):
+    """The warning for a recording of which not all that robots believed can be worked out here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,21 +251,31 @@ def scene_of_recording(recording: Recording, beliefs: bool = True) -> Scene:
 def frames_of_recording(recording: Recording, beliefs: bool = True) -> Iterator[Frame]:
     """The frames of a recorded run; of one cut off before the first tick, the start alone.
 
-    Raises ``RecordingError`` for a message that cannot be read.
+    Raises ``RecordingError`` for a message that cannot be read. Warns with ``BeliefsLeftOut``, once
+    in the end, if it cannot be worked out what some robots believed.
     """
     scenario, seed, run = recording.scenario_as_written, recording.seed, recording.run
-    builder, is_empty = SceneBuilder(scenario, seed, run, beliefs), True
-    for tick, topic, payload in recording.messages:
-        try:
-            for frame in builder.take(tick, topic, payload):
-                yield frame
-                is_empty = False
-        except ProtocolError as error:
-            raise RecordingError(f"{recording.path}: {topic} of tick {tick}: {error}") from None
-    for frame in builder.finish():
-        yield frame
+    builder = SceneBuilder(scenario, seed, run, beliefs)
+    is_empty, doubts = True, []
+    for frame in _taken(builder, recording):
         is_empty = False
+        doubts += [event for event in frame.events if event.kind == UNSURE]
+        yield frame
     if is_empty:
         arena = build(scenario, seed)
         builder.take(0, "world/state", encode(truth(arena, initial(arena)), run))
         yield from builder.finish()
+    if doubts:
+        robots = ", ".join(dict.fromkeys(robot for event in doubts for robot in event.robots))
+        line = f"what {robots} believed is left out, at some ticks or all: {doubts[0].text}"
+        warnings.warn(f"{recording.path}: {line}", BeliefsLeftOut, stacklevel=2)
+
+
+def _taken(builder: SceneBuilder, recording: Recording) -> Iterator[Frame]:
+    """The frames that a builder makes of a recording's messages."""
+    for tick, topic, payload in recording.messages:
+        try:
+            yield from builder.take(tick, topic, payload)
+        except ProtocolError as error:
+            raise RecordingError(f"{recording.path}: {topic} of tick {tick}: {error}") from None
+    yield from builder.finish()

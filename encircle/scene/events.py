@@ -22,6 +22,8 @@ from encircle.world.scenario.model import Event as ScenarioEvent
 from encircle.world.scenario.model import MoveTarget, Scenario
 
 BY_HAND = "by hand: "
+UNSURE = "unsure"
+"""Kind of the event that says why it is not known any more what a robot believes."""
 Pairs = tuple[tuple[str, str], ...]
 
 
@@ -158,7 +160,7 @@ def new_contacts(robots: Sequence[str], before: Pairs, now: Pairs) -> list[Event
 def new_doubts(before: Mapping[str, str], now: Mapping[str, str]) -> list[Event]:
     """Of which robots it is not known any more what they believe, and why."""
     return [
-        Event("unsure", f"what {robot} believes is not known: {why}", (robot,))
+        Event(UNSURE, f"what {robot} believes is not known: {why}", (robot,))
         for robot, why in now.items()
         if robot not in before
     ]

@@ -5,6 +5,7 @@ the same. Its digest is compared with the table's, so that what is shown is what
 """
 
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -14,6 +15,7 @@ from encircle.protocol.plugins import error_line
 from encircle.protocol.process.interrupts import check, signals_held
 from encircle.protocol.process.log import bounded_log
 from encircle.runner.memory import RunEndedByPlugin, run_in_memory
+from encircle.scene.builder import BeliefsLeftOut
 from encircle.studies.plan import Plan
 from encircle.studies.report.sentences import levels_text
 from encircle.studies.tasks import RUN
@@ -74,7 +76,9 @@ def _replay(plan: Plan, run: TellingRun, directory: Path) -> Replay:
     from encircle.viewer.html_export import export
 
     path.parent.mkdir(exist_ok=True)
-    with made_whole(path) as unfinished:
+    with made_whole(path) as unfinished, warnings.catch_warnings():
+        # Of a robot whose policy fails the page says so itself.
+        warnings.simplefilter("ignore", BeliefsLeftOut)
         export(recording, unfinished)
     return Replay(run, name)
 
@@ -82,8 +86,8 @@ def _replay(plan: Plan, run: TellingRun, directory: Path) -> Replay:
 def recorded_again(plan: Plan, run: TellingRun) -> tuple[Recording, str]:
     """A run's recording and digest; of one that fails, as far as it comes."""
     scenario = plan.scenario_of(run.cell)
-    where = [plan.title or plan.name, levels_text(plan, plan.levels(run.cell)), f"seed {run.seed}"]
-    titled = scenario.model_copy(update={"title": ", ".join(text for text in where if text)})
+    where = [plan.title or plan.name, levels_text(plan, plan.levels(run.cell))]
+    titled = scenario.model_copy(update={"title": ": ".join(text for text in where if text)})
     messages: list[tuple[int, str, bytes]] = []
 
     def record(tick: int, key: str, payload: bytes) -> None:

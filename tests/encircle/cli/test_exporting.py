@@ -7,10 +7,15 @@ from inspect import signature
 
 import pytest
 from helpers_waiting import completed
+from pyarrow import parquet
 
 import encircle
 from encircle.cli.exporting import FORMATS, Format
 from encircle.cli.main import main
+from encircle.protocol import VERSION
+from encircle.protocol.plugin_files import FOLDERS
+from encircle.world.recording.recorder import Recorder
+from encircle.world.recording.recording import read_recording
 
 LOSS = 'channel.loss={model="bernoulli", rate=0.4}'
 HIDDEN = {
@@ -190,3 +195,45 @@ def test_what_is_no_recording_is_refused(own, cli, tmp_path, content, said):
     assert said in told
     assert told.count("\n") == 1
     assert not (tmp_path / "it").exists()
+
+
+def test_a_recording_of_another_version_is_refused(cli, run, tmp_path):
+    recording, other = read_recording(run), tmp_path / "recording.mcap"
+    metadata = {
+        "run": recording.run,
+        "seed": str(recording.seed),
+        "scenario": recording.scenario.model_dump_json(),
+    }
+    recorder = Recorder(other, recording.scenario.tick_s, metadata)
+    for tick, topic, payload in recording.messages:
+        key = f"encircle/{recording.run}/{topic}"
+        assert payload.count(b"\xa1v" + bytes([VERSION])) >= 1
+        changed = payload.replace(b"\xa1v" + bytes([VERSION]), b"\xa1v\x63", 1)
+        recorder.record(tick, key, changed)
+    recorder.close()
+    status, printed, told = cli(other, "--to", "parquet", "--out", tmp_path / "it")
+    assert (status, printed) == (2, "")
+    assert told.startswith(f"encircle: {other}: robots/r1/setup of tick 0: ")
+    assert "version 99" in told
+    assert told.count("\n") == 1
+    assert not (tmp_path / "it").exists()
+
+
+def test_beliefs_that_cannot_be_worked_out_are_left_out_with_a_line(cli, tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDERS, str(tmp_path))
+    policy = (
+        "from encircle.agents.policies.paper import xi_star\n\n\n"
+        "def mine(memory, view):\n    return xi_star(memory, view)\n"
+    )
+    (tmp_path / "mine.py").write_text(policy, encoding="utf-8")
+    changes = ["ticks_max=4", "team.strategy=mine.py:mine"]
+    encircle.run("sim1", link="memory", overrides=changes, out=tmp_path / "run")
+    (tmp_path / "mine.py").write_text(policy + "# edited since\n", encoding="utf-8")
+    status, printed, told = cli(tmp_path / "run", "--to", "parquet", "--json")
+    assert status == 0
+    out = json.loads(printed)["out"]
+    line = "what r1, r2, r3, r4 believed is left out, at some ticks or all: what r1 believes is not"
+    assert told.startswith(f"encircle: {tmp_path / 'run' / 'recording.mcap'}: {line} known: ")
+    assert told.count("\n") == 1
+    assert parquet.read_table(f"{out}/beliefs.parquet").num_rows == 0
+    assert parquet.read_table(f"{out}/decisions.parquet").num_rows == 16

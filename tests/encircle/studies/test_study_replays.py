@@ -123,7 +123,8 @@ def test_pages_show_the_runs_that_were_counted(made, tmp_path):
         assert len(shown["frames"]) == row["ticks"] + 1
         assert shown["frames"][-1]["cap"] == row["captured"]
         assert shown["stage"]["seed"] == run.seed
-        assert f"seed {run.seed}" in shown["stage"]["title"]
+        level = made.plan.axes[0].levels[made.plan.cells[run.cell][0]]
+        assert shown["stage"]["title"] == f"A <small> study: packet loss {100 * level:g} %"
         assert shown["status"]["complete"] is True
 
 
