@@ -8,6 +8,7 @@
   const RIGHT_PX = 10;
   const ROOM = 1.25; // A live run's time axis grows by this, not with every tick.
   const SPAN_S_MIN = 2;
+  const FILL_MS_MIN = 250; // Charts take in what comes live no more often than this.
   const DEGREES = 180 / Math.PI;
   const known = (value, factor = 1) => (value === null || value === undefined ? NaN : value * factor);
   const shown = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
@@ -45,8 +46,10 @@
   }
 
   class Charts {
-    constructor(element, look, onSeek) {
-      Object.assign(this, { element, look, onSeek, panels: [], version: -1, end: 0 });
+    /* onSeek(tick) is called by a press; redraw() when the charts have something to take in. */
+    constructor(element, look, onSeek, redraw) {
+      Object.assign(this, { element, look, onSeek, redraw, panels: [], version: -1, end: 0 });
+      Object.assign(this, { filledMs: -Infinity, waits: false });
     }
 
     /* Builds all charts for the model's run. */
@@ -204,17 +207,26 @@
     /* Takes in what has come since, and moves the cursors to a time in ticks. */
     update(model, time, moment) {
       if (model.version !== this.version) this.build(model);
-      if (this.panels.some((panel) => panel.filled < model.frames.length)) {
-        this.end = this.endOf(model);
-        for (const panel of this.panels) {
-          this.fill(panel);
-          panel.range.end = this.end;
-        }
-      }
+      if (this.panels.some((panel) => panel.filled < model.frames.length)) this.fillInTime(model);
       for (const { chart, value } of this.panels) {
         page.setText(value, chart.read(this.values(chart, moment.frame)));
       }
       this.moveCursor(time);
+    }
+
+    fillInTime(model) {
+      const early = FILL_MS_MIN - (performance.now() - this.filledMs);
+      if (early > 0) {
+        if (!this.waits) setTimeout(() => Object.assign(this, { waits: false }).redraw(), early);
+        this.waits = true;
+        return;
+      }
+      this.filledMs = performance.now();
+      this.end = this.endOf(model);
+      for (const panel of this.panels) {
+        this.fill(panel);
+        panel.range.end = this.end;
+      }
     }
 
     moveCursor(time) {

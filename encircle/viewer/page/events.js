@@ -43,11 +43,15 @@
     update(model, tick) {
       Object.assign(this, { model, tick });
       const { events, lastTick } = model;
-      const key = [model.version, events.length, lastTick, this.look.theme, this.look.scale].join();
+      const key = [model.version, events.length, this.look.theme, this.look.scale].join();
       if (key !== this.key) {
         this.key = key;
         this.list.replaceChildren(...this.entries(model));
         this.marks.replaceChildren(...this.markElements(model));
+      }
+      const { firstTick: first } = model;
+      for (const mark of this.marks.children) {
+        mark.style.left = `${(100 * (Number(mark.dataset.tick) - first)) / Math.max(1, lastTick - first)}%`;
       }
       let newest = null;
       for (const entry of this.list.children) {
@@ -93,14 +97,11 @@
     }
 
     markElements(model) {
-      const { firstTick: first } = model;
-      const span = Math.max(1, model.lastTick - first);
       return model.events
         .filter(({ kind }) => !UNMARKED.has(kind))
         .map(({ tick, kind, text }) => {
-          const mark = page.element("span", { title: `tick ${tick}: ${text}` }, this.icon(kind, 13 * this.look.scale));
-          mark.style.left = `${(100 * (tick - first)) / span}%`;
-          return mark;
+          const title = `tick ${tick}: ${text}`;
+          return page.element("span", { title, "data-tick": tick }, this.icon(kind, 13 * this.look.scale));
         });
     }
   }

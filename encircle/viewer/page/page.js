@@ -86,7 +86,7 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     },
   };
 
-  const charts = new page.Charts(page.byId("charts"), look, acts.seek);
+  const charts = new page.Charts(page.byId("charts"), look, acts.seek, refresh);
   const matrix = new page.Matrix(page.byId("matrix"), page.byId("matrix-key"), page.byId("matrix-unit"), look, acts.select);
   const events = new page.Events(page.byId("events"), page.byId("marks"), page.byId("contacts"), look, acts.seek);
   const legend = new page.Legend(page.byId("fates"), look, layers, acts.switchFate);
