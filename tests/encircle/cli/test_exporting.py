@@ -25,9 +25,8 @@ HIDDEN = {
     "rerun": "rerun",
     "rosbag2": "rosbags",
     "mp4": "av",
-    "gif": "PIL",
 }
-"""A package without which a format cannot be written."""
+"""Of each format that needs an extra, a package without which it cannot be written."""
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +59,11 @@ def test_a_format_is_a_function_with_options_of_its_own(name):
     assert len({f.suffix for f in FORMATS.values()}) == len(FORMATS)
 
 
-@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_that_needs_an_extra_is_tried_without_it():
+    assert set(HIDDEN) == {name for name, form in FORMATS.items() if form.extra}
+
+
+@pytest.mark.parametrize("name", HIDDEN)
 def test_without_a_package_one_line_says_how_to_get_it(name, run, tmp_path):
     module = HIDDEN[name]
     script = (
