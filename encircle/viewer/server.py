@@ -20,6 +20,7 @@ import logging
 import secrets
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
@@ -32,13 +33,15 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from encircle.protocol.process.log import say_error
 from encircle.viewer.history import History, Position, as_text
-from encircle.viewer.page_files import INDEX, MEDIA_TYPES, page_text
+from encircle.viewer.page_files import INDEX, page_text, page_type
 
 LOOPBACK = "127.0.0.1"
 PAGES_MAX = 32
 TAKEN_BYTES_MAX = 64 * 1024
 TAKEN_PER_S_MAX, TAKEN_AT_ONCE_MAX = 100.0, 300
 """How many messages a page may send, on average and at once, before it is shut out."""
+ANSWERS_MAX = 64
+"""How many answers may wait for a page that does not read; then the oldest go."""
 SEND_PERIOD_S = 1.0 / 30.0
 PING_S, PONG_S_MAX = 10.0, 10.0
 START_S_MAX = 10.0
@@ -206,8 +209,7 @@ class _File(_Guarded):
             text = page_text(name)
         except FileNotFoundError:
             raise HTTPError(404) from None
-        media_type = MEDIA_TYPES["." + name.rpartition(".")[2]]
-        self.set_header("Content-Type", f"{media_type}; charset=utf-8")
+        self.set_header("Content-Type", page_type(name))
         self.finish(text)
 
 
@@ -220,10 +222,19 @@ class _Feed(_Guarded, WebSocketHandler):
         self._position: Position | None = None
         self._has_token = False
         self._sending: asyncio.Task[None] | None = None
+        self._answers: deque[str] = deque(maxlen=ANSWERS_MAX)
         self._taken_left, self._taken_s = float(TAKEN_AT_ONCE_MAX), time.monotonic()
 
+    def prepare(self) -> None:
+        super().prepare()
+        origin = self.request.headers.get("Origin")
+        if origin is not None and not self.check_origin(origin):
+            raise HTTPError(403, reason="Not this server's page")
+
     def check_origin(self, origin: str) -> bool:
-        return urlsplit(origin).netloc == self.request.host
+        with contextlib.suppress(ValueError):
+            return urlsplit(origin).netloc == self.request.host
+        return False
 
     def open(self) -> None:
         if len(self.server.pages) >= PAGES_MAX:
@@ -274,6 +285,8 @@ class _Feed(_Guarded, WebSocketHandler):
             while True:
                 await self.news.wait()
                 self.news.clear()
+                while self._answers:
+                    await self.write_message(self._answers.popleft())
                 while self._position is not None:
                     at = self._position
                     found = self.server.history.next_message(at, {"control": control})
@@ -291,8 +304,8 @@ class _Feed(_Guarded, WebSocketHandler):
             self._tell(text)
 
     def _tell(self, text: str) -> None:
-        with contextlib.suppress(WebSocketClosedError):
-            self.write_message(text)
+        self._answers.append(text)
+        self.news.set()
 
     def _may_say_more(self) -> bool:
         now_s = time.monotonic()

@@ -8,20 +8,20 @@ import sys
 import threading
 import time
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import islice
 from typing import Any
 
 from encircle.live.updates import Feed, RunState, Status
-from encircle.protocol.errors import ProtocolError
 from encircle.protocol.process.log import say_error
-from encircle.scene.builder import SceneBuilder
+from encircle.scene.builder import frames_of_recording
 from encircle.scene.frame import Frame
 from encircle.scene.stage import Stage
 from encircle.viewer.history import History
 from encircle.viewer.server import LOOPBACK, PageServer, Taken
-from encircle.world.recording.recording import Recording, RecordingError
+from encircle.world.recording.recording import Recording
 
 TAKE_S = 0.2
 FRAMES_AT_ONCE = 50
@@ -79,8 +79,9 @@ class Show:
 
     def recording(self, recording: Recording, stopped: Callable[[], bool]) -> None:
         """Show a recording, its first frames while the others are made; ``RecordingError``."""
-        for frames in frames_of(recording):
-            self.history.add(frames, {"state": "ended", "complete": recording.complete})
+        status = {"state": "ended", "complete": recording.complete}
+        for frames in batched(frames_of_recording(recording)):
+            self.history.add(frames, status)
             if stopped():
                 return
 
@@ -103,6 +104,13 @@ class Show:
         self.server.stop()
 
 
+def batched(frames: Iterable[Frame]) -> Iterator[list[Frame]]:
+    """Frames, some at a time."""
+    left = iter(frames)
+    while some := list(islice(left, FRAMES_AT_ONCE)):
+        yield some
+
+
 def status_json(status: Status) -> dict[str, Any]:
     """A status as the page takes it (``page/source.js``)."""
     return {
@@ -112,21 +120,6 @@ def status_json(status: Status) -> dict[str, Any]:
         "beliefs": status.beliefs,
         "missed_ticks": status.missed_ticks,
     }
-
-
-def frames_of(recording: Recording) -> "list[list[Frame]] | Any":
-    """The frames of a recording, some at a time; ``RecordingError`` for what cannot be read."""
-    builder = SceneBuilder(recording.scenario, recording.seed, recording.run)
-    frames: list[Frame] = []
-    for tick, topic, payload in recording.messages:
-        try:
-            frames += builder.take(tick, topic, payload)
-        except ProtocolError as error:
-            raise RecordingError(f"{recording.path}: {topic} of tick {tick}: {error}") from None
-        if len(frames) >= FRAMES_AT_ONCE:
-            yield frames
-            frames = []
-    yield [*frames, *builder.finish()]
 
 
 def open_browser(address: str) -> None:

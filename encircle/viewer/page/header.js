@@ -40,7 +40,7 @@
     }
     if (!model.status.complete) {
       const at = `it ends at tick ${model.lastTick}, before the end of its run`;
-      return { kind: "warn", text: `This recording was cut off: ${at}.` };
+      return { kind: "warn", text: model.status.text || `This recording was cut off: ${at}.` };
     }
     if (selected !== null && !model.hasBeliefs) {
       return { kind: "warn", text: "This recording has no beliefs: only the truth can be shown." };
