@@ -18,6 +18,7 @@ import ipaddress
 import json
 import logging
 import secrets
+import socket
 import threading
 import time
 from collections import deque
@@ -27,7 +28,6 @@ from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
 from tornado.iostream import StreamClosedError
-from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
@@ -152,8 +152,8 @@ class PageServer:
 
     async def _serve(self) -> None:
         self._loop, self._stopping = asyncio.get_running_loop(), asyncio.Event()
-        sockets = bind_sockets(self.port, self.host, reuse_port=False)
-        self.port = sockets[0].getsockname()[1]
+        listening = _listening(self.host, self.port)
+        self.port = listening.getsockname()[1]
         own = {"server": self}
         application = Application(
             [(r"/feed", _Feed, own), (r"/([\w.-]*)", _File, own)],
@@ -163,7 +163,7 @@ class PageServer:
             websocket_max_message_size=TAKEN_BYTES_MAX,
         )
         server = HTTPServer(application, max_body_size=TAKEN_BYTES_MAX)
-        server.add_sockets(sockets)
+        server.add_sockets([listening])
         self.history.changed = self._changed
         self._started.set()
         await self._stopping.wait()
@@ -332,6 +332,14 @@ def _quiet() -> None:
         if not logger.handlers:
             is_ours = name == "tornado.application"
             logger.addHandler(_Lines() if is_ours else logging.NullHandler())
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    """A socket that listens there; ``OSError`` if that cannot be."""
+    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    made = socket.create_server(address[:2], family=family)
+    made.setblocking(False)
+    return made
 
 
 def is_loopback(host: str) -> bool:
