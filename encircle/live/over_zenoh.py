@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 
 from encircle.live.inbox import Inbox
-from encircle.live.rounds import RoundCollector
+from encircle.live.rounds import Round, RoundCollector
 from encircle.live.scene_feed import SceneFeed, names
 from encircle.live.updates import RunState, Status, Update
 from encircle.protocol.errors import ProtocolError, UnknownKey
@@ -28,8 +28,11 @@ WAIT_S_MAX = 10.0
 """How long a world is waited for that is not there yet, in s."""
 ASK_S_MAX, ASK_PERIOD_S = 1.0, 0.2
 TOKENS_S_MAX = 1.0
-LAST_STATE_S_MAX = 2.0
-"""How long the last state may come after the end of the run was told."""
+LATE_S_MAX = 0.5
+"""How long a round may wait for what is missing of it while later ones are there."""
+LAST_S_MAX = 2.0
+"""How long what was said last may be on its way after the end was told, or the world is gone."""
+GONE = "the world is gone"
 
 Heard = tuple[str, bytes | bool]
 """A key with a message's payload, or with whether its token is there."""
@@ -81,7 +84,7 @@ class ZenohFeed:
             self._rounds.take(robot_key(run, robot, "setup"), setup)
         self._recorded = [r for _, key, said in so_far for r in self._rounds.take(key, said)]
         self._there: set[str] = set()
-        self._world_is_there = False
+        self._heard_s = time.monotonic()
         self._ended_s: float | None = None
         self._reason = ""
         self._over = False
@@ -99,6 +102,7 @@ class ZenohFeed:
                 self._see(key, what)
             else:
                 rounds += self._rounds.take(key, what)
+        rounds += self._given_up(rounds)
         self._look_for_end()
         if self._over:
             rounds += self._rounds.flush()
@@ -111,6 +115,15 @@ class ZenohFeed:
         """Look on no longer; may be called twice, and from any thread."""
         self._inbox.close()
         self._onlooker.close()
+
+    def _given_up(self, rounds: list[Round]) -> list[Round]:
+        """The rounds that go on without what has not come for too long."""
+        now_s = time.monotonic()
+        if rounds:
+            self._heard_s = now_s
+        elif now_s - self._heard_s > LATE_S_MAX:
+            return self._rounds.give_up()
+        return []
 
     def _described(self, wait_s_max: float) -> RunDescription:
         """What the world says of its run; waits for it to come."""
@@ -150,10 +163,8 @@ class ZenohFeed:
     def _see(self, key: str, alive: bool) -> None:
         """A token came or went."""
         if key == world_key(self.run, "alive"):
-            self._world_is_there = alive
             if not alive and self._ended_s is None:
                 self._ended_s = time.monotonic()
-                self._reason = "the world is gone"
             return
         with suppress(UnknownKey):
             robot = parse_key(key).robot or ""
@@ -161,15 +172,15 @@ class ZenohFeed:
 
     def _look_for_end(self) -> None:
         end, now_s = self._rounds.end, time.monotonic()
-        if end is not None and not self._reason:
-            self._reason = end.reason
+        if end is not None and self._ended_s is None:
             self._ended_s = now_s
         if self._ended_s is None or self._over:
             return
         next_tick = self._rounds.first_to_come or 0
         has_last = end is not None and next_tick > end.tick
-        late = now_s - self._ended_s > (LAST_STATE_S_MAX if self._world_is_there else ASK_PERIOD_S)
-        self._over = has_last or late
+        if has_last or now_s - self._ended_s > LAST_S_MAX:
+            self._over = True
+            self._reason = GONE if end is None else end.reason
 
     def _status(self) -> Status:
         scene, missed = self._scene, self._rounds.missed_ticks

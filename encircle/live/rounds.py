@@ -20,11 +20,14 @@ from encircle.world.recording.schemas import KINDS
 Message = tuple[int, str, bytes]
 """A message as recordings have it: tick, topic (the key without its run), payload."""
 
-ROUNDS_WAITED_MAX = 8
-"""How many later rounds may be there before one goes on that is not whole."""
+ROUNDS_WAITED_MAX = 32
+"""How many later rounds may be there before one goes on that is not whole; in a run that goes as
+fast as it can, messages of other lanes may be as many rounds behind."""
+ROUNDS_WAITED_MIN = 2
+"""The same where nothing more has come for some time."""
 ROUNDS_PATIENT = 4
 """How many later rounds must be there before it is believed that a robot was lost in one."""
-ROUNDS_KEPT_MAX = 64
+ROUNDS_KEPT_MAX = 128
 PARTS = ("state", "setup", "observation", "intervention", "pose", "command", "radio", "end")
 """The order of channels within a round."""
 
@@ -84,6 +87,9 @@ class RoundCollector:
         if tick > self._ticks_max or robot not in (*self._robots, "world"):
             self.refused += 1
             return []
+        if isinstance(message, Setup) and message.first_tick < message.answer_tick:
+            # Of a resumed run: a new process takes its robot's past in, and no robot begins anew.
+            return []
         if isinstance(message, End):
             self.end = self.end or message
         if self._next is not None and tick < self._next:
@@ -101,6 +107,10 @@ class RoundCollector:
             del self._open[min(self._open)]
         return self._passed_on()
 
+    def give_up(self) -> list[Round]:
+        """The rounds that go on without what has not come for some time."""
+        return self._passed_on(ROUNDS_WAITED_MIN)
+
     def flush(self) -> list[Round]:
         """The rounds that are left, whole or not: nothing more will come."""
         return [self._close(tick) for tick in sorted(self._open) if self._is_shown(tick)]
@@ -115,14 +125,14 @@ class RoundCollector:
             raise WrongSender(f"key {key!r} has a message of {message.robot}")
         return parsed.channel, parsed.robot or "world", message
 
-    def _passed_on(self) -> list[Round]:
+    def _passed_on(self, waited_max: int = ROUNDS_WAITED_MAX) -> list[Round]:
         rounds: list[Round] = []
         while self._open:
             tick = min(self._open)
             later = sum(1 for other in self._open if other > tick and self._is_shown(other))
-            if self._is_whole(tick, later) and self._follows(tick, later):
+            if self._is_whole(tick, later) and (self._next in (None, tick) or later >= waited_max):
                 rounds.append(self._close(tick))
-            elif later < ROUNDS_WAITED_MAX:
+            elif later < waited_max:
                 break
             elif self._next is None or not self._is_shown(tick):
                 # From before this viewer was there, or nothing of it can be shown.
@@ -130,10 +140,6 @@ class RoundCollector:
             else:
                 rounds.append(self._close(tick))
         return rounds
-
-    def _follows(self, tick: int, later: int) -> bool:
-        """Whether it is the next one, or the rounds between will not come any more."""
-        return self._next is None or tick == self._next or later >= ROUNDS_WAITED_MAX
 
     def _close(self, tick: int) -> Round:
         whole = self._is_whole(tick, ROUNDS_WAITED_MAX)
