@@ -49,6 +49,12 @@ FORMATS: dict[str, Format] = {
         "export",
         "-foxglove.mcap",
     ),
+    "foxglove-layout": Format(
+        "panels for Foxglove that show these",
+        "encircle.exports.foxglove_layout",
+        "export",
+        "-foxglove-layout.json",
+    ),
     "rerun": Format(
         "a file for Rerun, with its views", "encircle.exports.rerun_file", "export", ".rrd"
     ),

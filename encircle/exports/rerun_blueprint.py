@@ -1,7 +1,7 @@
 """What Rerun shows when it opens an exported hunt: the views, where they stand, what is in them.
 
-On the left the arena, and the worlds as single robots believe them, a tab each; on the right ages
-as a heat map, numbers over time, modes and events.
+On the left the arena, and below it the worlds as single robots believe them, a tab each; on the
+right ages as a heat map, events, numbers over time and modes.
 """
 
 from collections.abc import Sequence
@@ -17,22 +17,21 @@ from encircle.scene.stage import Stage
 
 TRAIL_TICKS = 60
 BELIEF_TABS_MAX = 16
-MARGIN_M = 3.0
-EYE_HEIGHT_PER_M = 1.05
+MARGIN_M = 2.0
+EYE_HEIGHT_PER_M = 0.98
 """How high above the arena the eye has to be, per metre of the longer side, to see all of it."""
 
 
 def blueprint(stage: Stage, frames: Sequence[Frame]) -> rrb.Blueprint:
     """The views of a hunt."""
-    arena = rrb.Tabs(
-        _arena("Arena", "/", ["/scene/**", "/trails/**"], stage, frames),
+    beliefs = rrb.Tabs(
         *(
             _arena(f"What {robot} believes", "/", _believed(robot), stage, frames)
             for robot in stage.robots[:BELIEF_TABS_MAX]
         ),
-        active_tab=0,
-        name="Arena and beliefs",
+        active_tab=min(1, len(stage.robots) - 1),
     )
+    arena = _arena("Arena", "/", ["/scene/**", "/trails/**"], stage, frames)
     ages = rrb.TensorView(
         origin="/ages",
         name="Age of information in ticks",
@@ -54,7 +53,9 @@ def blueprint(stage: Stage, frames: Sequence[Frame]) -> rrb.Blueprint:
         row_shares=[1.6, 1.0, 1.0, 1.0, 1.3],
     )
     return rrb.Blueprint(
-        rrb.Horizontal(arena, aside, column_shares=[1.2, 1.0]),
+        rrb.Horizontal(
+            rrb.Vertical(arena, beliefs, row_shares=[1.2, 1.0]), aside, column_shares=[1.1, 1.0]
+        ),
         rrb.TimePanel(timeline=TIME, state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -63,13 +64,14 @@ def blueprint(stage: Stage, frames: Sequence[Frame]) -> rrb.Blueprint:
 
 
 def _believed(robot: str) -> list[str]:
-    return [f"/beliefs/{robot}/**", "/scene/arena/**", f"/scene/bodies/{robot}", "/truth/**"]
+    return [f"/beliefs/{robot}/**", "/scene/arena/**", f"/scene/bodies/{robot}", "/outlines/**"]
 
 
 def _arena(
     name: str, origin: str, contents: list[str], stage: Stage, frames: Sequence[Frame]
 ) -> rrb.Spatial3DView:
-    points = [point for frame in frames for point in (*frame.robots, frame.target)]
+    # A target that escapes would make everything else small.
+    points = [frames[0].target, *(point for frame in frames for point in frame.robots)]
     xs, ys = [x for x, _ in points], [y for _, y in points]
     centre = ((min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0)
     side_m = max(max(xs) - min(xs), max(ys) - min(ys)) + 2.0 * MARGIN_M

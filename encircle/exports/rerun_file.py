@@ -2,9 +2,10 @@
 
 Entities: ``scene/...`` and ``beliefs/ROBOT/...`` are the layers of
 ``encircle.exports.drawing.layers``, in three dimensions and seen from above, since Rerun's views of
-two have the y axis downwards; ``trails/ROBOT``; ``truth/ROBOT`` positions as they are; ``ages`` as
-a tensor of receivers by senders; numbers under ``values``, ``distances_m`` and ``decisions``;
-``modes`` as states; ``packets`` counts by fate; ``events`` as a text log; ``run`` as a document.
+two have the y axis downwards; ``trails`` and ``outlines`` of bodies, and ``truth``, their positions
+as they are; ``ages`` as a tensor of receivers by senders; numbers under ``values``, ``distances_m``
+and ``decisions``; ``modes`` as states; ``packets`` counts by fate; ``events`` as a text log;
+``run`` as a document.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,7 +31,17 @@ from encircle.world.recording.recording import Recording
 
 APPLICATION = "encircle"
 AGE_SHOWN_TICKS_MIN = 5.0
-"""The colours of ages reach at least this far, so that ages of a good channel look good."""
+"""The colours of ages reach at least this far, so that ages of a good channel look good; and as
+far as all but the highest hundredth of a run's ages."""
+LEGEND = (
+    "**Packets** move along their links, and end in a mark: a blue hexagon arrives on time, an"
+    " orange diamond late; a cross, star, plus or bar is lost. The entity's name is the cause.",
+    "",
+    "**Beliefs**: discs are where a robot takes its peers to be, white circles where they are."
+    " The shaded disc holds the target with 95 %, if the robot's filter is right; the line is"
+    " where it expects the target to go.",
+)
+"""What the views show, as Markdown."""
 UNKNOWN_AGE = float("nan")
 TICKS_AT_ONCE = 50
 """What is drawn is held in memory for so many ticks."""
@@ -43,6 +54,7 @@ def export(recording: Recording, out: Path, *, beliefs: bool = True) -> None:
     ``RecordingError`` for a message that cannot be read.
     """
     scene = scene_of_recording(recording, beliefs)
+    out.touch(exist_ok=False)  # Rerun writes over what there is
     with _strictly():
         _write(scene.stage, scene.frames, out)
 
@@ -91,7 +103,7 @@ def description(stage: Stage) -> str:
         "captures": f"{stage.capture_count} robots within {stage.stop_distance_m:g} m",
     }
     lines = [f"| {name} | {value} |" for name, value in rows.items()]
-    return "\n".join([f"# {stage.title}", "", "| | |", "|---|---|", *lines])
+    return "\n".join([f"# {stage.title}", "", "| | |", "|---|---|", *lines, "", *LEGEND])
 
 
 def _send_scene(
@@ -122,10 +134,11 @@ def _steps(stage: Stage, before: Frame, after: Frame) -> tuple[Entity, ...]:
 
 
 def _send_truth(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) -> None:
-    """Positions as points, for whoever queries the file, and the ways between them."""
+    """Positions as points, for whoever queries the file; outlines, and the ways between them."""
     ticks = [frame.tick for frame in frames]
     steps = [_steps(stage, *pair) for pair in pairwise(frames)]
     columns.send_layer("trails", ticks[1:], steps)
+    columns.send_layer("outlines", ticks, [layers.outlines(stage, frame) for frame in frames])
     for k, robot in enumerate(stage.robots):
         places = [(*frame.robots[k], 0.0) for frame in frames]
         columns.send(f"truth/{robot}", ticks, rr.Points3D.columns(positions=places))
@@ -143,7 +156,7 @@ def _send_numbers(columns: RerunColumns, stage: Stage, frames: Sequence[Frame]) 
             f"distances_m/{robot}", ticks, [f.values.distances_m[k] for f in frames]
         )
     ages = np.array([frame.ages for frame in frames], np.float32)
-    shown = (0.0, max(AGE_SHOWN_TICKS_MIN, float(ages.max())))
+    shown = (0.0, max(AGE_SHOWN_TICKS_MIN, float(np.percentile(ages, 99))))
     ages[ages < 0] = UNKNOWN_AGE
     for tick, table in zip(ticks, ages, strict=True):
         columns.send_table("ages", tick, table, ("receiver", "sender"), shown)

@@ -53,6 +53,7 @@ def export(recording: Recording, out: Path, *, beliefs: bool = True) -> None:
     for tick, robot, payload in recording.of_channel("pose"):
         packets[tick].append((robot, payload))
     connections: dict[str, Connection] = {}
+    out.mkdir()
     # The writer names its file after its directory, and creates both.
     made = out / BAG_NAME
     bag = Writer(made, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)

@@ -111,6 +111,19 @@ def _target(stage: Stage, frame: Frame) -> Entity:
     return Entity("target", shapes)
 
 
+def outlines(stage: Stage, frame: Frame) -> tuple[Entity, ...]:
+    """Where the bodies really are, beside what a robot believes: a thin circle for each."""
+    named = zip((*stage.robots, "target"), (*frame.robots, frame.target), strict=True)
+    radii_m = {"target": stage.target_radius_m}
+    return tuple(
+        Entity(
+            name,
+            (circle(centre, radii_m.get(name, stage.radius_m), role_colour("ink"), THIN_M, 0.6),),
+        )
+        for name, centre in named
+    )
+
+
 def plan(stage: Stage, frame: Frame) -> tuple[Entity, ...]:
     """Of each robot with a goal: the goal, the line to it, and the ring that it is a point of."""
     things = []
@@ -158,7 +171,10 @@ def _believed_target(stage: Stage, belief: Belief, robot: int) -> tuple[Entity, 
         return ()
     x, y = belief.estimate[:2]
     colour = colour_of_robot(robot)
-    shapes: list[Shape] = [circle((x, y), stage.target_radius_m, colour, THICK_M, 0.5)]
+    shapes: list[Shape] = [
+        circle((x, y), stage.target_radius_m, colour, THICK_M, 0.5),
+        Label(_above((x, y), stage.target_radius_m), "target as believed", 0.5, colour, 0.5),
+    ]
     if belief.covariance is not None:
         radius_m = REGION_SIGMAS * sqrt(belief.covariance[0])
         shapes.append(Disc((x, y), radius_m, colour.faded(0.2), 0.1))
