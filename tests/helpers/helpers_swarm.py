@@ -7,6 +7,7 @@ the witness sees the messages that the world records and the state it keeps, and
 
 import random
 from dataclasses import replace
+from typing import NamedTuple
 
 import msgpack
 from helpers_scenarios import scenario_of
@@ -21,6 +22,7 @@ from encircle.world.arena.engine import build
 from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.result import Result
 from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.scenario.model import Scenario
 
 RUN = "swarm"
 JUNK_BYTES_MAX = 80
@@ -36,6 +38,27 @@ def play(seed: int, junk: bool = True, faults: bool = True, order: int = 0) -> R
     ``junk``: strangers send something. ``order``: another one has robots answer in another order.
     """
     return _Run(seed, junk, faults, order).play()
+
+
+class Played(NamedTuple):
+    """A run of a seed as it was recorded, and who commanded what it liked."""
+
+    scenario: Scenario
+    messages: list[tuple[int, str, bytes]]
+    reckless: frozenset[str]
+
+
+def recorded(seed: int) -> Played:
+    """The messages of a run with faults, as a recording holds them."""
+    run, messages = _Run(seed, junk=False, faults=True, order=0), []
+
+    def record(tick: int, key: str, payload: bytes) -> None:
+        messages.append((tick, key.removeprefix(f"encircle/{RUN}/"), payload))
+        run.witness.record(tick, key, payload)
+
+    run.world.record_with(record)
+    run.play()
+    return Played(run.scenario, messages, frozenset(run.reckless))
 
 
 class _Run:
