@@ -25,9 +25,11 @@ def replay_main(arguments: Sequence[str], program: str) -> int:
     )
     options.add_flag("--check", "feed it to fresh brains and compare decisions")
     options.add_flag("--robots", "measure each robot: way, modes, messages, beliefs, conflicts")
+    options.add_flag("--digest", "play it to a fresh world: does it come to the same digest?")
     settings = options.parse(arguments)
-    if settings.check and settings.robots:
-        options.error("--check and --robots: give one of them")
+    asked = [name for name in ("check", "robots", "digest") if getattr(settings, name)]
+    if len(asked) > 1:
+        options.error(f"--{asked[0]} and --{asked[1]}: give one of them")
     # Imported late: a mistyped command need not wait for the brains.
     from encircle.replay.replaying import replay
 
@@ -35,6 +37,8 @@ def replay_main(arguments: Sequence[str], program: str) -> int:
     if settings.robots:
         _say_robots(recording, settings.json)
         return 0
+    if settings.digest:
+        return _say_digest(recording, settings.json)
     if not settings.check:
         summary = _summary(recording)
         lines = [f"{key:10} {value}" for key, value in summary.items()]
@@ -55,6 +59,35 @@ def _summary(recording: "Recording") -> dict[str, Any]:
         "last_tick": max((m[0] for m in recording.messages), default=0),
         "complete": recording.complete,
     }
+
+
+def _say_digest(recording: "Recording", as_json: bool) -> int:
+    """The digest of a run played again, and whether its summary has it; the exit status."""
+    # Imported late: it brings the world.
+    from encircle.world.recording.resuming import digest_of
+
+    digest, recorded = digest_of(recording), _recorded_digest(recording)
+    count = len(recording.scenario.events) - len(recording.scenario_as_written.events)
+    if as_json:
+        told = {"digest": digest, "recorded": recorded, "interventions": count}
+        say(json.dumps({"run": recording.run, **told}))
+    else:
+        many = f"{count} intervention{'' if count == 1 else 's'}"
+        beside = {None: "there is no summary to compare with", digest: "as in its summary"}
+        say(f"digest {digest}, {many}; {beside.get(recorded, f'its summary has {recorded}')}")
+    return 0 if recorded in (None, digest) else 1
+
+
+def _recorded_digest(recording: "Recording") -> str | None:
+    """The digest in the summary beside a recording that is whole; None if there is none."""
+    from encircle.world.recording.run_directory import SUMMARY
+
+    try:
+        summary = json.loads(recording.path.with_name(SUMMARY).read_text(encoding="utf-8"))
+        is_its = recording.complete and summary["run"] == recording.run
+        return str(summary["digest"]) if is_its else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def _say_robots(recording: "Recording", as_json: bool) -> None:

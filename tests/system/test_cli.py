@@ -76,6 +76,28 @@ def test_replay_check_passes_on_an_honest_recording(tmp_path):
     assert json.loads(done.stdout)["same"] is True
 
 
+def test_replay_tells_the_digest_that_a_fresh_world_comes_to(tmp_path):
+    interventions = encircle.Interventions()
+    interventions.give({"kind": "loss", "rate": 0.6, "tick": 10})
+    hunt = encircle.run("sim2", link="memory", out=tmp_path / "run", interventions=interventions)
+    done = command(tmp_path, "replay", "run", "--digest", "--json")
+    assert json.loads(done.stdout) == {
+        "run": hunt.run,
+        "digest": hunt.digest,
+        "recorded": hunt.digest,
+        "interventions": 1,
+    }
+    line = command(tmp_path, "replay", "run", "--digest").stdout
+    assert line == f"digest {hunt.digest}, 1 intervention; as in its summary\n"
+    summary = tmp_path / "run" / "summary.json"
+    summary.write_text(summary.read_text().replace(hunt.digest, "0" * 32))
+    done = command(tmp_path, "replay", "run", "--digest")
+    assert (done.returncode, "its summary has 000" in done.stdout) == (1, True)
+    summary.unlink()
+    done = command(tmp_path, "replay", "run", "--digest")
+    assert (done.returncode, "no summary to compare" in done.stdout) == (0, True)
+
+
 def test_replay_tells_of_each_robot(tmp_path):
     hunt = encircle.run("sim2", link="memory", out=tmp_path / "run")
     told = json.loads(command(tmp_path, "replay", "run", "--robots", "--json").stdout)
@@ -89,7 +111,8 @@ def test_replay_tells_of_each_robot(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "options", [(), ("--check",), ("--json",), ("--check", "--json"), ("--robots",)]
+    "options",
+    [(), ("--check",), ("--json",), ("--check", "--json"), ("--robots",), ("--digest",)],
 )
 def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options):
     encircle.run("sim1", link="memory", out=tmp_path / "run")
@@ -127,6 +150,10 @@ def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options
         (["world", "sim1", "--run", "a"], "neither an endpoint to listen on"),
         (["world", "sim1", "--listen", "tcp/0.0.0.0:1", "--run", "a"], "--without-authentication"),
         (["world", "sim1", "--out", "a", "--runs", "b", "--run", "a"], "give one of them"),
+        (
+            ["world", "sim1", "--listen", "tcp/127.0.0.1:1", "--run", "a", "--control"],
+            "--control: goes with --parent",
+        ),
         (["robot", "r1", "--connect", "tcp/127.0.0.1:1"], "--run is missing"),
         (["robot", "--run", "a", "--connect", "tcp/127.0.0.1:1"], "set ENCIRCLE_ROBOT"),
         (["router"], "neither an endpoint to listen on"),
@@ -140,6 +167,7 @@ def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options
         (["run", "sim1", "--seed", "x"], "argument --seed: 'x' is not a whole number"),
         (["replay"], "run is missing: give it"),
         (["replay", "a", "--check", "--robots"], "--check and --robots: give one of them"),
+        (["replay", "a", "--robots", "--digest"], "--robots and --digest: give one of them"),
         (["trace", "absent"], "--out is missing: give it"),
         (["certificates", "new"], "--robots is missing: give it"),
         (["study", "loss", "--seeds", "0"], "'0' is not a whole number of at least 1"),

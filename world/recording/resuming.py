@@ -100,11 +100,15 @@ def digest_of(recording: Recording) -> str:
 
     ``RecordingError`` as ``rebuild``, and for a recording of which something comes out otherwise.
     """
+    _check_lock_step(
+        recording, "played again by a world", "what came when is not all in its recording"
+    )
     return _played(recording).core.rounds.journal.digest
 
 
 def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: None) -> Resumed:
     """The world as the recording leaves it; ``RecordingError`` if it cannot be gone on with."""
+    _check_lock_step(recording, "resumed", "for its robots have answered as fast as they could")
     resumed = _played(recording, log)
     core = resumed.core
     if recording.complete and core.ended is not None:
@@ -117,12 +121,6 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
 
 def _played(recording: Recording, log: Callable[[str], None] = lambda _line: None) -> Resumed:
     """The world as the recording leaves it, which has come to the recorded messages."""
-    _check_versions(recording)
-    if recording.scenario.clock != "lockstep":
-        raise RecordingError(
-            f"{recording.path}: clock = {recording.scenario.clock!r}: a run by the clock cannot be"
-            " resumed, for its robots have answered as fast as they could"
-        )
     messages: list[Recorded] = []
     core = WorldCore(
         build(recording.scenario_as_written, recording.seed),
@@ -140,6 +138,15 @@ def _played(recording: Recording, log: Callable[[str], None] = lambda _line: Non
     core.rounds.commit()
     _check_same(recording, messages)
     return Resumed(core, messages, _histories(core, messages))
+
+
+def _check_lock_step(recording: Recording, done: str, why: str) -> None:
+    _check_versions(recording)
+    if recording.scenario.clock != "lockstep":
+        raise RecordingError(
+            f"{recording.path}: clock = {recording.scenario.clock!r}: a run by the clock cannot be"
+            f" {done}, {why}"
+        )
 
 
 def _play_all(core: WorldCore, recording: Recording) -> None:
