@@ -8,7 +8,8 @@
   const RIGHT_PX = 10;
   const ROOM = 1.25; // A live run's time axis grows by this, not with every tick.
   const SPAN_S_MIN = 2;
-  const FILL_MS_MIN = 250; // Charts take in what comes live no more often than this.
+  const FILL_MS_MIN = 500; // A chart takes in what comes live no more often than this,
+  const TURN_MS = 50; // and the next chart so much later.
   const DEGREES = 180 / Math.PI;
   const known = (value, factor = 1) => (value === null || value === undefined ? NaN : value * factor);
   const shown = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
@@ -49,13 +50,14 @@
     /* onSeek(tick) is called by a press; redraw() when the charts have something to take in. */
     constructor(element, look, onSeek, redraw) {
       Object.assign(this, { element, look, onSeek, redraw, panels: [], version: -1, end: 0 });
-      Object.assign(this, { filledMs: -Infinity, waits: false });
+      this.waits = false;
     }
 
     /* Builds all charts for the model's run. */
     build(model) {
       this.model = model;
       this.version = model.version;
+      for (const { view } of this.panels) if (view) view.remove();
       this.element.replaceChildren();
       this.end = this.endOf(model);
       this.panels = chartsOf(model.stage).map((chart, k, all) =>
@@ -78,7 +80,7 @@
       const plot = page.element("div", { class: "plot" }, drawn, cursor);
       const attributes = { class: lowest ? "chart lowest" : "chart", id: `chart-${chart.id}` };
       this.element.append(page.element("figure", attributes, caption, plot));
-      const panel = { chart, value, cursor, plot, filled: 0, view: null };
+      const panel = { chart, value, cursor, plot, filled: 0, filledMs: -Infinity, view: null };
       const names = this.names(chart);
       panel.source = new Bokeh.ColumnDataSource({
         data: Object.fromEntries(["s", ...names].map((name) => [name, []])),
@@ -188,7 +190,7 @@
         const box = this.frameBox(panel);
         if (!box) return;
         const share = (event.clientX - plot.getBoundingClientRect().left - box.left) / box.width;
-        this.onSeek(Math.round((Math.min(1, Math.max(0, share)) * this.end) / this.model.stage.tick_s));
+        this.onSeek(Math.round((Math.min(1, Math.max(0, share)) * panel.range.end) / this.model.stage.tick_s));
       };
       plot.addEventListener("pointerdown", (event) => {
         plot.setPointerCapture(event.pointerId);
@@ -207,33 +209,35 @@
     /* Takes in what has come since, and moves the cursors to a time in ticks. */
     update(model, time, moment) {
       if (model.version !== this.version) this.build(model);
-      if (this.panels.some((panel) => panel.filled < model.frames.length)) this.fillInTime(model);
+      this.fillInTime(model);
+      if (model.status.state !== "running") for (const panel of this.panels) panel.range.end = this.endOf(model);
       for (const { chart, value } of this.panels) {
         page.setText(value, chart.read(this.values(chart, moment.frame)));
       }
       this.moveCursor(time);
     }
 
+    /* One chart at a time takes in what has come: to draw one anew takes Bokeh some ms. */
     fillInTime(model) {
-      const early = FILL_MS_MIN - (performance.now() - this.filledMs);
-      if (early > 0) {
-        if (!this.waits) setTimeout(() => Object.assign(this, { waits: false }).redraw(), early);
-        this.waits = true;
-        return;
+      const behind = this.panels.filter((panel) => panel.filled < model.frames.length);
+      if (!behind.length) return;
+      const next = behind.reduce((first, panel) => (panel.filledMs < first.filledMs ? panel : first));
+      const early = FILL_MS_MIN - (performance.now() - next.filledMs);
+      if (early <= 0) {
+        next.filledMs = performance.now();
+        this.end = this.endOf(model);
+        this.fill(next);
+        next.range.end = this.end;
       }
-      this.filledMs = performance.now();
-      this.end = this.endOf(model);
-      for (const panel of this.panels) {
-        this.fill(panel);
-        panel.range.end = this.end;
-      }
+      if (!this.waits) setTimeout(() => Object.assign(this, { waits: false }).redraw(), Math.max(early, TURN_MS));
+      this.waits = true;
     }
 
     moveCursor(time) {
       this.at = time;
-      const share = (time * this.model.stage.tick_s) / this.end;
       for (const panel of this.panels) {
         const box = this.frameBox(panel);
+        const share = Math.min(1, (time * this.model.stage.tick_s) / panel.range.end);
         panel.cursor.hidden = !box;
         if (!box) continue;
         panel.cursor.style.transform = `translateX(${(box.left + share * box.width).toFixed(1)}px)`;
