@@ -59,7 +59,8 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       this.root.append(
         element("h2", {}, "Radio in your hand ", element("small", {}, "from the next tick on")),
         ...this.sliders.map((slider) => slider.row),
-        element("div", { class: "row" }, element("span", { class: "what" }, "Cut"), this.robots, cut, heal),
+        element("div", { class: "row" }, element("span", { class: "what" }, "Cut"), cut, heal, "◧ from ◨"),
+        this.robots,
         element(
           "div", { class: "row" }, element("span", { class: "what" }, "Silence"), this.silenced,
           "for", this.ticks, "ticks", silence,
@@ -128,7 +129,7 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       const show = () => {
         const first = this.sides.has(name);
         made.setAttribute("aria-pressed", String(first));
-        setText(made, `${name} ${first ? "◧" : "◨"}`);
+        setText(made, `${name}${first ? "◧" : "◨"}`);
       };
       show();
       return made;

@@ -3,9 +3,13 @@
 import json
 
 import pytest
+from helpers_interventions import hunted_with
+from helpers_world import RUN
 
 from encircle.runner.interventions import Interventions
 from encircle.viewer.control import NOT_ALLOWED, NOT_UNDERSTOOD, OVER, Control
+from encircle.viewer.hunt_show import HuntShow
+from encircle.viewer.showing import ShowOptions, WatchEnd
 from encircle.world.loading.load import load
 
 LOSS = {"kind": "loss", "rate": 0.6}
@@ -85,3 +89,17 @@ def test_what_is_in_force_follows_written_events_and_those_given():
     assert control.radio()["now"] == {"rate": 0.6, "delay_s": 0.5, "range_m": None}
     control.on_report({"intervention": {"given": 30, "event": {"kind": "loss", "tick": 31}}})
     assert control.radio()["now"] == {"rate": None, "delay_s": None, "range_m": None}
+
+
+def test_the_page_of_a_run_that_is_gone_on_with_knows_what_was_given_before():
+    scenario = load("sim1", ["ticks_max=9"])
+    events = [{"kind": "range", "range_m": 9.0, "tick": 1}, {"kind": "loss", "rate": 0.2}]
+    _, messages = hunted_with(scenario, {0: events})
+    show = HuntShow(ShowOptions(browser=False, end=WatchEnd.RUN), True, Interventions())
+    try:
+        show.begin(scenario, RUN, messages)
+        answer = show._control.on_message(True, {"radio": True})
+    finally:
+        show.end()
+        show.stop()
+    assert answer["control"]["radio"]["now"] == {"rate": 0.2, "delay_s": None, "range_m": 9.0}
