@@ -13,6 +13,7 @@ from encircle.exports.pictures.canvas import Pixels
 from encircle.exports.pictures.layout import size_problem
 from encircle.exports.pictures.picture import Picture, PictureStyle
 from encircle.exports.pictures.timeline import PICTURES_MAX, Timeline, timeline_of
+from encircle.progress import Progress
 from encircle.protocol.process.interrupts import check
 from encircle.protocol.suggestions import did_you_mean
 from encircle.scene.builder import scene_of_recording
@@ -156,8 +157,10 @@ def _size(text: str) -> tuple[int, int]:
 def _pictures(picture: Picture, timeline: Timeline) -> Iterator[Pixels]:
     """The pictures of a video; one that is shown several times in a row is drawn once."""
     last, drawn = None, None
-    for k, moment in enumerate(timeline.moments()):
-        check(f" at picture {k} of {timeline.count}")
-        if drawn is None or moment != last:
-            last, drawn = moment, picture.at(moment)
-        yield drawn
+    with Progress("drawn", "pictures") as tell:
+        for k, moment in enumerate(timeline.moments()):
+            check(f" at picture {k} of {timeline.count}")
+            if drawn is None or moment != last:
+                last, drawn = moment, picture.at(moment)
+            yield drawn
+            tell(k + 1, timeline.count)

@@ -2,12 +2,14 @@
 
 import json
 import secrets
+import sys
 import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, nullcontext, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,9 +34,13 @@ from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.model import Scenario
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from encircle.runner.interventions import Interventions
     from encircle.runner.launch import Timeouts
     from encircle.runner.onlooking import HuntOnlooker
+    from encircle.runner.trails import Trails
     from encircle.world.coordinator.journal import Record
     from encircle.world.coordinator.world_core import WorldCore
     from encircle.world.recording.recorder import Recorder
@@ -47,7 +53,11 @@ HELD_PERIOD_S = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Hunt:
-    """A finished hunt. ``out``: its directory, None if it was not recorded."""
+    """A finished hunt. ``out``: its directory, None if it was not recorded.
+
+    ``positions``: (T, N + 1, 2) where robots and target were at each tick, in m, of a hunt in
+    memory from its start; else None.
+    """
 
     scenario: Scenario
     seed: int
@@ -58,6 +68,7 @@ class Hunt:
     wall_s: float
     out: Path | None
     timing: Mapping[str, Any]
+    positions: "NDArray[np.float64] | None" = field(default=None, repr=False, compare=False)
 
     @property
     def captured(self) -> bool:
@@ -89,6 +100,12 @@ class Hunt:
             **self.timing,
         }
 
+    def _repr_html_(self) -> str:
+        # Notebooks ask for it. By name, as the room is above this one, and nobody else needs it.
+        view = import_module("encircle.notebook.hunt_view")
+        html: str = view.hunt_html(self)
+        return html
+
 
 def run(
     scenario: str | Path | Mapping[str, Any] | Scenario,
@@ -110,13 +127,14 @@ def run(
     ``scenario``: a shipped name, a TOML file, a mapping or a loaded scenario. ``link``: ``zenoh``
     for one process per robot and one for the world, ``memory`` for the same code in this process.
     ``out``: a directory for recording and summary, which must be new or empty; none by default.
-    ``progress`` is called now and then with ``{"tick", "distances_m"}``. ``when_lost``: whether the
-    run is to ``go-on`` without a robot whose process is lost, or to ``end``. ``timeouts``: how long
-    processes are waited for, ``encircle.runner.launch.TIMEOUTS`` if left out. ``interventions``:
-    a queue of events that are given to the run while it goes on, from any thread; ``progress`` is
-    told what became of each: ``{"intervention": {"given", "event"}}`` with the tick, or
-    ``{"refused_intervention"}`` with why. ``pace``: how many times faster than real time ticks may
-    go by, as fast as they can if None. ``onlooker``: who is shown the hunt as it goes on.
+    ``progress`` is called now and then with ``{"tick", "distances_m"}``; in a notebook a bar is
+    shown without it. ``when_lost``: whether the run is to ``go-on`` without a robot whose process
+    is lost, or to ``end``. ``timeouts``: how long processes are waited for,
+    ``encircle.runner.launch.TIMEOUTS`` if left out. ``interventions``: a queue of events that are
+    given to the run while it goes on, from any thread; ``progress`` is told what became of each:
+    ``{"intervention": {"given", "event"}}`` with the tick, or ``{"refused_intervention"}`` with
+    why. ``pace``: how many times faster than real time ticks may go by, as fast as they can if
+    None. ``onlooker``: who is shown the hunt as it goes on.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
     unusable directory and ``RunFailed`` if the run does not come to its end; in memory
@@ -136,13 +154,17 @@ def run(
     name = f"run-{secrets.token_hex(6)}"
     is_new = out is not None and not Path(out).exists()
     directory = create(Path(out)) if out is not None else None
-    tell = progress or (lambda _report: None)
+    trails = None
     begun = time.perf_counter()
     try:
-        with signals_held():
+        with signals_held(), _told(progress, loaded) as tell:
             if link == "memory":
+                # Imported late: robots' code is not needed by who starts processes.
+                from encircle.runner.trails import Trails
+
+                trails = Trails()
                 result, timing, processes = _in_memory(
-                    loaded, name, directory, tell, None, interventions, pace, onlooker
+                    loaded, name, directory, tell, None, interventions, pace, onlooker, trails
                 )
             else:
                 order = start_order or ["world", *loaded.ids]
@@ -155,7 +177,9 @@ def run(
             with suppress(OSError):
                 directory.rmdir()
     wall_s = time.perf_counter() - begun
-    return Hunt(loaded, loaded.seed, link, name, result, processes, wall_s, directory, timing)
+    positions = None if trails is None else trails.positions()
+    about = (name, result, processes, wall_s, directory, timing, positions)
+    return Hunt(loaded, loaded.seed, link, *about)
 
 
 def resume(
@@ -182,26 +206,29 @@ def resume(
 
     _check("link", link, LINKS)
     _check("when_lost", when_lost, WHEN_LOST)
-    run_directory, tell = Path(directory), progress or (lambda _report: None)
+    run_directory = Path(directory)
     begun = time.perf_counter()
     with signals_held():
         resumed = rebuild(read_last(run_directory), bounded_log())
         scenario, name = resumed.core.rounds.written, resumed.core.run
         check_pace(scenario, pace)
-        if link == "memory" or resumed.core.ended is not None:
-            result, timing, processes = _in_memory(
-                scenario, name, run_directory, tell, resumed, interventions, pace, onlooker
-            )
-        else:
-            from encircle.runner.launch import run_processes
+        with _told(progress, scenario) as tell:
+            if link == "memory" or resumed.core.ended is not None:
+                result, timing, processes = _in_memory(
+                    scenario, name, run_directory, tell, resumed, interventions, pace, onlooker
+                )
+            else:
+                from encircle.runner.launch import run_processes
 
-            arguments = ["--resume", str(run_directory), "--when-lost", when_lost]
-            arguments += _pace_option(pace)
-            order = ["world", *scenario.ids]
-            given = (run_directory, timeouts, interventions, onlooker)
-            with _shown(onlooker, scenario, name, resumed.messages):
-                result, timing = run_processes(arguments, scenario.ids, name, tell, order, *given)
-            processes = len(order)
+                arguments = ["--resume", str(run_directory), "--when-lost", when_lost]
+                arguments += _pace_option(pace)
+                order = ["world", *scenario.ids]
+                given = (run_directory, timeouts, interventions, onlooker)
+                with _shown(onlooker, scenario, name, resumed.messages):
+                    result, timing = run_processes(
+                        arguments, scenario.ids, name, tell, order, *given
+                    )
+                processes = len(order)
     wall_s = time.perf_counter() - begun
     return Hunt(
         scenario, scenario.seed, link, name, result, processes, wall_s, run_directory, timing
@@ -256,6 +283,7 @@ def _in_memory(
     interventions: "Interventions | None" = None,
     pace: float | None = None,
     onlooker: "HuntOnlooker | None" = None,
+    trails: "Trails | None" = None,
 ) -> tuple[Result, dict[str, Any], int]:
     from encircle.runner.launch import RunFailed
     from encircle.runner.memory import RunEndedByPlugin, run_in_memory
@@ -294,7 +322,7 @@ def _in_memory(
         ):
             try:
                 result = run_in_memory(
-                    arena, name, bounded_log(), record, progress, resumed=resumed
+                    arena, name, bounded_log(), record, progress, trails, resumed
                 )
             except RunEndedByPlugin as error:
                 failure = failure_line(error.failed, directory)
@@ -308,6 +336,21 @@ def _in_memory(
     if failure:
         raise RunFailed(failure)
     return result, timing, 1
+
+
+@contextmanager
+def _told(
+    progress: Callable[[dict[str, Any]], None] | None, scenario: Scenario
+) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Who is told how far the hunt is: whom it was said to tell, or a bar in a notebook."""
+    if progress is not None or "IPython" not in sys.modules:
+        yield progress or (lambda _report: None)
+        return
+    # Imported late: it draws, and only a notebook needs it here.
+    from encircle.progress import notebook_progress
+
+    with notebook_progress(scenario.title or "hunt", "ticks") as bar:
+        yield lambda report: bar(report["tick"], scenario.ticks_max) if "tick" in report else None
 
 
 def _recorded_and_shown(

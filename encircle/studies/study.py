@@ -6,13 +6,14 @@
 import os
 import warnings
 from collections.abc import Callable, Generator, Iterator
-from contextlib import closing
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from encircle.progress import notebook_progress
 from encircle.protocol.process.interrupts import signals_held
 from encircle.protocol.process.tracebacks import TRACEBACK_IN
 from encircle.runner.links import LINKS
@@ -53,22 +54,22 @@ class Study:
     ) -> int:
         """Execute the runs that are missing or have failed; returns how many these were.
 
-        ``link``: ``memory`` or ``zenoh``. In memory the runs are executed by ``workers``
-        processes of this machine (one per core by default), or by the dask cluster at
-        ``cluster``. Over Zenoh they are executed one after the other, by robot processes
-        that stay for all runs. ``progress`` is called with the numbers of finished runs and
-        of all runs. A run that fails is entered in the table as failed, its traceback is
-        written to a file under ``failed``, and the other runs go on. Raises ``StudyError``
-        if the directory belongs to another study, ``StudyFailed`` if not everything could
-        be run, and ``Interrupted`` after Ctrl-C; the same call then goes on where it
-        stopped. Warns with ``ScenarioRemark`` of cells that may not be what the user meant.
+        ``link``: ``memory`` or ``zenoh``. In memory the runs are executed by ``workers`` processes
+        of this machine (one per core by default), or by the dask cluster at ``cluster``. Over Zenoh
+        they are executed one after the other, by robot processes that stay for all runs.
+        ``progress`` is called with the numbers of finished runs and of all runs; in a notebook a
+        bar is shown without it. A run that fails is entered in the table as failed, its traceback
+        is written to a file under ``failed``, and the other runs go on. Raises ``StudyError`` if
+        the directory belongs to another study, ``StudyFailed`` if not everything could be run, and
+        ``Interrupted`` after Ctrl-C; the same call then goes on where it stopped. Warns with
+        ``ScenarioRemark`` of cells that may not be what the user meant.
         """
         if link not in LINKS:
             raise ValueError(f"link {link!r}: must be one of {', '.join(LINKS)}")
         for remark in self.plan.remarks():
             warnings.warn(remark, ScenarioRemark, stacklevel=2)
-        tell = progress or (lambda _done, _all: None)
-        with signals_held(), closing(self.open()) as table:
+        bar = nullcontext(progress) if progress else notebook_progress(self.plan.name, "runs")
+        with signals_held(), bar as tell, closing(self.open()) as table:
             missing = int((~table.done).sum())
             done = self.plan.runs - missing
             tell(done, self.plan.runs)
@@ -96,6 +97,12 @@ class Study:
                 message = f"{failed} of {self.plan.runs} runs failed: see the column {FAILED!r}"
                 warnings.warn(message, RuntimeWarning, stacklevel=2)
         return frame
+
+    def _repr_html_(self) -> str:
+        # Imported late: only a notebook asks for it.
+        from encircle.studies.notebook.study_view import study_html
+
+        return study_html(self.plan, self.directory)
 
     def open(self) -> StudyTable:
         """The table, locked for this process until it is closed."""

@@ -27,6 +27,14 @@ class _Values(ast.NodeTransformer):
         value = self._names.get(node.id)
         return ast.Constant(value) if isinstance(value, str | int | float) else node
 
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.stmt:
+        if isinstance(node.annotation, ast.Constant):
+            node.annotation = ast.parse(str(node.annotation.value), mode="eval").body
+        if isinstance(node.value, ast.Call) and ast.unparse(node.value.func) == "field":
+            defaults = [k.value for k in node.value.keywords if k.arg == "default"]
+            node.value = defaults[0] if defaults else None
+        return self.generic_visit(node)
+
     def visit_arg(self, node: ast.arg) -> ast.arg:
         if isinstance(node.annotation, ast.Constant):
             node.annotation = ast.parse(str(node.annotation.value), mode="eval").body

@@ -8,6 +8,7 @@ refused, all of them at once, each with its key and its value. Units are in the 
 import json
 from collections.abc import Mapping
 from functools import cached_property
+from importlib import import_module
 from math import asin, floor, pi
 from typing import Annotated, Any, Literal
 
@@ -195,6 +196,12 @@ class Scenario(Model):
     """Whether a tick ends when all robots have answered, or at a time (in real time)."""
     capture: Capture = Capture()
     """What a capture is."""
+
+    def _repr_html_(self) -> str:
+        # Notebooks ask for it. By name, as the room is not one that the world may know.
+        view = import_module("encircle.notebook.scenario_view")
+        html: str = view.scenario_html(self)
+        return html
 
     @property
     def is_direct(self) -> bool:
