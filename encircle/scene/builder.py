@@ -37,6 +37,7 @@ from encircle.protocol.messages import (
     Setup,
     State,
 )
+from encircle.protocol.process.interrupts import check
 from encircle.scene.beliefs import LockStepBeliefs
 from encircle.scene.beliefs_by_clock import BeliefsByClock
 from encircle.scene.events import UNSURE
@@ -251,7 +252,8 @@ def scene_of_recording(recording: Recording, beliefs: bool = True) -> Scene:
 def frames_of_recording(recording: Recording, beliefs: bool = True) -> Iterator[Frame]:
     """The frames of a recorded run; of one cut off before the first tick, the start alone.
 
-    Raises ``RecordingError`` for a message that cannot be read. Warns with ``BeliefsLeftOut``, once
+    Raises ``RecordingError`` for a message that cannot be read, and ``Interrupted`` if a signal is
+    held (``encircle.protocol.process.interrupts``). Warns with ``BeliefsLeftOut``, once
     in the end, if it cannot be worked out what some robots believed.
     """
     scenario, seed, run = recording.scenario_as_written, recording.seed, recording.run
@@ -274,6 +276,7 @@ def frames_of_recording(recording: Recording, beliefs: bool = True) -> Iterator[
 def _taken(builder: SceneBuilder, recording: Recording) -> Iterator[Frame]:
     """The frames that a builder makes of a recording's messages."""
     for tick, topic, payload in recording.messages:
+        check()
         try:
             yield from builder.take(tick, topic, payload)
         except ProtocolError as error:

@@ -98,7 +98,7 @@ class Frame:
     who was not asked; ``silent``: whose radio is off by the scenario, and is not lost. ``modes``,
     ``xi``, ``points``, ``goals``: from each robot's command, None without one. ``ages``:
     ``ages[receiver][sender]`` of the newest packet that has arrived by now, in ticks since it was
-    sent; -1 if none has, 0 for a robot itself. ``beliefs``: None of a robot that gave no command;
+    sent; -1 if none has, 0 for a robot itself. ``beliefs``: None of a robot that did not decide;
     ``beliefs_unsure``: the robots of which it cannot be worked out what they believe.
     """
 

@@ -25,7 +25,7 @@ from encircle.world.arena.engine import build
 from encircle.world.recording.recording import Recording
 
 FOLDER = "replays"
-FEW_S_MAX = 10.0
+FEW_S_MAX = 5.0
 """Of few runs those are shown that together took no longer to run."""
 
 
