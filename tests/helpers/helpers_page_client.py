@@ -3,9 +3,11 @@
 import asyncio
 import contextlib
 import json
-from collections.abc import Callable, Coroutine
+import threading
+from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
+from helpers_waiting import joined
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest, HTTPResponse
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
@@ -28,6 +30,28 @@ def run(look: Callable[[], Coroutine[Any, Any, None]]) -> None:
             _opened.clear()
 
     asyncio.run(closed())
+
+
+@contextlib.contextmanager
+def flooding(address: str) -> Iterator[None]:
+    """While this lasts, nonsense is sent to a page's server, again whenever it has enough of it."""
+    over = threading.Event()
+
+    async def send() -> None:
+        while not over.is_set():
+            with contextlib.suppress(Exception):
+                feed = await websocket_connect(address.replace("http", "ws", 1) + "feed")
+                while not over.is_set() and feed.close_code is None:
+                    await feed.write_message('{"x": "' + 1000 * "y" + '"}')
+                feed.close()
+
+    thread = threading.Thread(target=lambda: asyncio.run(send()), name="flood", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        joined(thread)
 
 
 async def fetched(server: PageServer, name: str, **headers: str) -> HTTPResponse:

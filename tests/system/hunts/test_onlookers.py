@@ -10,11 +10,12 @@ import json
 import os
 import signal
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 
 import pytest
 from helpers_hosts import NodeProcess
 from helpers_hunt import LONG
+from helpers_page_client import flooding
 from helpers_paths import STRANGER
 from helpers_security import ROBOTS, Lab, free_endpoint
 from helpers_waiting import ample_s, until
@@ -49,6 +50,8 @@ WITHOUT_CERTIFICATES = [
 ]
 WITH_CERTIFICATES = [
     f"viewer:hear:{world_key(RUN, 'state')}",
+    f"viewer:hear:{world_key(RUN, 'radio')}",
+    f"viewer:hear:{robot_key(RUN, '*', '*')}",
     f"viewer:watch:{world_key(RUN, 'alive')}",
     f"viewer:watch:{robot_key(RUN, '*', 'alive')}",
     f"r1:hear:{robot_key(RUN, 'r1', '*')}",
@@ -108,6 +111,13 @@ class Watched:
         onlooker.wait_until(lambda node: "looking on" in node.said)
         return onlooker
 
+    def show(self):
+        """Have a page show the hunt; the process that serves it, and its address."""
+        where = ("--connect", self.endpoint, "--run", RUN, *self._known)
+        page = self.start("-m", "encircle", "watch", *where, "--no-browser", "--watch-end", "run")
+        page.wait_until(lambda node: "the page is at" in node.said)
+        return page, page.said.split()[-1]
+
     def begin(self):
         where = ("--connect", self.endpoint, "--run", RUN, *self._known)
         self.nodes += [self.start("-m", "encircle.agents", robot, *where) for robot in ROBOTS]
@@ -148,6 +158,34 @@ def test_a_hunt_goes_on_as_if_nobody_looked_on(lab, watched, digest, through_rou
     result = hunt.end()
     assert result["digest"] == digest
     assert (result["departures"], result["refused"]) == ([], {})
+
+
+@pytest.mark.parametrize(
+    ("how", "through_router", "secured"),
+    [
+        *(("frozen", router, secured) for router in (False, True) for secured in (False, True)),
+        *(("seen", router, True) for router in (False, True)),
+        ("dead", True, False),
+        ("flooded", False, False),
+    ],
+)
+def test_nor_does_it_matter_whether_a_page_shows_it(
+    lab, watched, digest, through_router, secured, how
+):
+    hunt = watched(through_router, lab.directory if secured else None)
+    page, address = hunt.show()
+    if how == "frozen":
+        os.kill(page.pid, signal.SIGSTOP)
+    with flooding(address) if how == "flooded" else nullcontext():
+        hunt.begin()
+        if how == "dead":
+            hunt.world.wait_for_tick(20)
+            page.kill()
+        result = hunt.end()
+    assert result["digest"] == digest
+    assert (result["departures"], result["refused"]) == ([], {})
+    if how in ("seen", "flooded"):
+        assert page.end() == 0, page.said
 
 
 @GATES
