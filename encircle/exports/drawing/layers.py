@@ -41,7 +41,7 @@ FAINT_TICKS = 20.0
 MARK_M = 0.35
 ORIGIN = (0.0, 0.0)
 LABELLED_ROBOTS_MAX = 16
-"""Ghosts of larger teams have no labels: there is no room for them."""
+"""Ghosts of larger teams have neither labels nor outlines: there is no room for them."""
 LOST_OPACITY, SILENT_OPACITY = 0.25, 0.6
 
 
@@ -229,18 +229,23 @@ def _above(centre: Point, radius_m: float) -> Point:
 
 
 def _ghost(stage: Stage, peer: PeerBelief) -> Entity:
-    """Where a robot takes a peer to be: a circle that fades with age, filled if planned with."""
+    """Where a robot takes a peer to be: a circle that fades with age, filled if planned with.
+
+    In a large team a disc, fainter if it is not planned with.
+    """
     name = stage.robots[peer.robot]
     opacity = 3.0 ** (-peer.age_ticks / FAINT_TICKS)
     colour = colour_of_robot(peer.robot, opacity)
     centre = (peer.x, peer.y)
+    if len(stage.robots) > LABELLED_ROBOTS_MAX:
+        faint = colour.faded(opacity * (0.6 if peer.planned_with else 0.25))
+        return Entity(name, (Disc(centre, stage.radius_m, faint, 0.2),))
     shapes: list[Shape] = [circle(centre, stage.radius_m, colour, THIN_M, 0.45)]
     if peer.planned_with:
         shapes.append(Disc(centre, stage.radius_m, colour.faded(0.4 * opacity), 0.2))
-    if len(stage.robots) <= LABELLED_ROBOTS_MAX:
-        below = (peer.x, peer.y - stage.radius_m - 0.6)
-        text = f"{name}, {peer.age_ticks} ticks"
-        shapes.append(Label(below, text, 0.5, role_colour("muted"), 0.5))
+    below = (peer.x, peer.y - stage.radius_m - 0.6)
+    text = f"{name}, {peer.age_ticks} ticks"
+    shapes.append(Label(below, text, 0.5, role_colour("muted"), 0.5))
     return Entity(name, tuple(shapes))
 
 

@@ -72,12 +72,12 @@ def test_a_ghost_fades_with_age_and_tells_it():
         assert f"{age_ticks} ticks" in label.text
 
 
-def test_a_large_team_s_ghosts_have_no_labels():
+def test_a_large_team_s_ghosts_are_discs_alone():
     recording, _ = hunted(load({"team": {"robots": 20}, "ticks_max": 3}))
     scene = scene_of_recording(recording)
     drawn = [e for e in layers.beliefs(scene.stage, scene.frames[2], 0) if e.name != "target"]
     assert len(drawn) > 10
-    assert not [s for e in drawn for s in e.shapes if isinstance(s, Label)]
+    assert all([type(shape) for shape in ghost.shapes] == [Disc] for ghost in drawn)
 
 
 def test_bodies_say_who_is_lost_and_who_is_silent():
