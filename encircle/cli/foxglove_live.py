@@ -27,6 +27,8 @@ def main(arguments: Sequence[str], program: str) -> int:
     settings = options.parse(arguments)
     if settings.listen:
         options.error(f"--listen {settings.listen[0]}: who looks on connects")
+    if not (settings.connect or settings.zenoh_config):
+        options.error(f"--run {settings.run}: where? Give --connect ENDPOINT")
     with needing(program, "export"):
         from encircle.exports.foxglove_server import ServerFailed
     from encircle.live.over_zenoh import WAIT_S_MAX, NothingToSee, ZenohFeed

@@ -58,7 +58,16 @@ def test_a_run_that_is_not_there_is_told_in_a_line():
     assert endpoint in answer.stderr
 
 
-def test_who_looks_on_does_not_listen():
-    answer = command("foxglove", "--listen", free_endpoint(), "--run", "none")
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--listen", "tcp/127.0.0.1:7447", "--run", "none"), "who looks on connects"),
+        (("--run", "none"), "Give --connect"),
+        (("--connect", "tcp/127.0.0.1:7447"), "--run"),
+        (("--connect", "tcp/127.0.0.1:7447", "--run", "none", "--port", "70000"), "70000"),
+    ],
+)
+def test_what_does_not_go_together_is_told(options, told):
+    answer = command("foxglove", *options)
     assert answer.returncode == 2
-    assert "who looks on connects" in answer.stderr
+    assert told in answer.stderr
