@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from encircle.protocol.codec import decode
 from encircle.protocol.errors import MalformedMessage
 from encircle.protocol.messages import Intervention
+from encircle.protocol.wire.limits import NUMBER_MAX
 from encircle.world.loading.channel_consistency import problems_of_events
 from encircle.world.scenario.errors import ScenarioError
 from encircle.world.scenario.fields import Model, shown
@@ -51,6 +52,19 @@ def event_of(given: Any, scenario: Scenario, tick: int) -> Event:
     if event.tick <= tick:
         raise _refused(
             [f"intervention.tick = {event.tick}: has begun; the next one is tick {tick + 1}"]
+        )
+    too_large = {
+        name: value
+        for name, value in table_of(event).items()
+        if type(value) is int and value >= NUMBER_MAX
+    }
+    if too_large:
+        # It could not be recorded, and so not be replayed.
+        raise _refused(
+            [
+                f"intervention.{name} = {shown(value)}: must be below {NUMBER_MAX:.0f}"
+                for name, value in too_large.items()
+            ]
         )
     place = len(scenario.events)
     problems = problems_of_events([*scenario.events, event], scenario.ids, since=place)

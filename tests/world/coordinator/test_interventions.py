@@ -90,6 +90,14 @@ def test_one_without_a_tick_is_of_the_next_and_the_target_stands_there_then():
             "intervention.groups = (('r1', 'r2'),): must be two groups or more",
         ),
         ({"kind": "range", "range_m": 0}, "intervention.range_m = 0: must be above 0"),
+        (
+            {"kind": "silence", "robot": "r1", "ticks": 10**9},
+            "intervention.ticks = 1000000000: must be below 1000000000",
+        ),
+        (
+            {"kind": "move-target", "tick": 2**64, "position": [0.0, 0.0]},
+            "intervention.tick = 18446744073709551616: must be below 1000000000",
+        ),
         ({"kind": "delay", "delay_s": -1}, "intervention.delay_s = -1: must be at least 0"),
         ({"kind": "heal", "tick": 0}, "intervention.tick = 0: has begun; the next one is tick 1"),
         (
@@ -124,6 +132,14 @@ def test_what_makes_no_sense_is_refused_with_one_line_and_changes_nothing(event,
     core.rounds.commit()
     assert (core.arena, core.rounds.journal.digest, messages) == before
     assert core.rounds.interventions == []
+
+
+def test_one_for_as_long_as_a_message_can_say_is_recorded_and_read_back():
+    event = {"kind": "silence", "tick": 1, "ticks": 10**9 - 1, "robot": "r1"}
+    _, messages = hunted_with(small("ticks_max=3"), {0: [event]})
+    ((_, _, payload),) = given(messages)
+    assert decode(Intervention, payload, RUN).event == event
+    assert as_played(small("ticks_max=3"), payload, RUN).events[0].ticks == 10**9 - 1
 
 
 def test_before_the_run_and_after_it_and_beyond_the_most_there_are_none(monkeypatch):
