@@ -22,6 +22,7 @@ HIDDEN = {
     "html": "bokeh",
     "parquet": "pyarrow",
     "foxglove": "foxglove",
+    "foxglove-layout": "foxglove",
     "rerun": "rerun",
     "rosbag2": "rosbags",
     "mp4": "av",
