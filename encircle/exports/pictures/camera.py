@@ -20,7 +20,8 @@ RADIUS_PX_MAX = 30.0
 """Largest radius in pixels of a robot, in a picture of 720 rows."""
 NEARER_MIN = 1.25
 """How many times larger bodies must become for the camera to move."""
-WINDOW_TICKS = 8
+WINDOW_S, WINDOW_TICKS_MIN, WINDOW_TICKS_MAX = 0.8, 8, 200
+"""How far before and after a tick bodies count, for the camera of that tick."""
 MARGIN_SHARE = 0.09
 STEPS = (1, 2, 5)
 
@@ -79,24 +80,25 @@ class CameraPath:
 
 
 def camera_path(
-    positions: Floats, radius_m: float, around_m: float, box: Box, unit: float
+    positions: Floats, radius_m: float, around_m: float, tick_s: float, box: Box, unit: float
 ) -> CameraPath:
     """The camera of a run.
 
     ``positions``: (T, N + 1, 2) of robots and target in m; ``radius_m``: of robots;
     ``around_m``: how far around a body is to be seen; ``unit``: pixels that count as one.
     """
+    window = min(max(round(WINDOW_S / tick_s), WINDOW_TICKS_MIN), WINDOW_TICKS_MAX)
     nearest = RADIUS_PX_MAX * unit / radius_m
     low, high = positions.min(axis=1) - around_m, positions.max(axis=1) + around_m
     still = min(_scale(low.min(axis=0), high.max(axis=0), box), nearest)
-    near_low = minimum_filter1d(low, 2 * WINDOW_TICKS + 1, axis=0, mode="nearest")
-    near_high = maximum_filter1d(high, 2 * WINDOW_TICKS + 1, axis=0, mode="nearest")
+    near_low = minimum_filter1d(low, 2 * window + 1, axis=0, mode="nearest")
+    near_high = maximum_filter1d(high, 2 * window + 1, axis=0, mode="nearest")
     scales = np.array([_scale(*ends, box) for ends in zip(near_low, near_high, strict=True)])
     scales = np.minimum(scales, nearest)
     if scales.max() < NEARER_MIN * still:
         middle = (low.min(axis=0) + high.max(axis=0)) / 2.0
         return CameraPath(box, np.tile(middle, (len(low), 1)), np.full(len(low), still))
-    middles, sigma = (near_low + near_high) / 2.0, 0.75 * WINDOW_TICKS
+    middles, sigma = (near_low + near_high) / 2.0, 0.75 * window
     return CameraPath(
         box,
         gaussian_filter1d(middles, sigma, axis=0, mode="nearest"),

@@ -14,7 +14,9 @@ from av.video.reformatter import ColorRange, Colorspace
 from encircle.exports.pictures.canvas import Pixels
 
 ENCODERS = {
-    "libx264": {"crf": "20", "preset": "medium"},
+    # With weighted prediction x264 looks at what lies beyond pictures whose sides are no multiples
+    # of 16, which differs from time to time.
+    "libx264": {"crf": "20", "preset": "medium", "weightp": "0"},
     "libvpx-vp9": {"crf": "30", "b": "0", "deadline": "good", "cpu-used": "4"},
 }
 """With their options, in the order of preference; browsers play both in MP4."""

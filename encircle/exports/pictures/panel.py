@@ -69,6 +69,11 @@ class PanelPainter:
         total = sum(counts.values())
         self.sheet.canvas.text(f"{total:,}", (right - 3.9 * size, y), size, ink, "right", True)
         y += LINE * size
+        if not self.fates:
+            # As where robots hear each other directly.
+            text = shortened("their fates are not recorded", right - left, size)
+            self.sheet.canvas.text(text, (left, y), size, muted)
+            y += LINE * size
         for fate in self.fates:
             style = style_of(fate)
             at = (left + 0.5 * size, y)

@@ -54,7 +54,7 @@ class Picture:
         self._flights = Flights(scene.frames, self._stage.causes, self._lingering_ticks())
         around_m = max(self._stage.stop_distance_m, self._stage.radius_m)
         self._path = camera_path(
-            *(self._positions, self._stage.radius_m, around_m),
+            *(self._positions, self._stage.radius_m, around_m, self._stage.tick_s),
             *(self._layout.arena, self._layout.unit),
         )
         self._cuts = [
@@ -88,11 +88,11 @@ class Picture:
         return max(LINGERING_TICKS_MIN, LINGERING_S * self._style.speed / self._stage.tick_s)
 
     def _all_fates(self) -> list[str]:
-        """The fates that occur, in the palette's order."""
+        """The fates that occur, in the palette's order; none of a run without packets."""
         counts = self._flights.counts(self._frames[-1].tick)
         order = {fate: k for k, fate in enumerate((TOO_LATE, *LOST))}
         others = sorted(counts.keys() - {ON_TIME}, key=lambda f: (order.get(f, len(order)), f))
-        return [ON_TIME, *others]
+        return [ON_TIME, *others] if counts else []
 
     def _arena(self, sheet: Sheet, moment: Moment, belief: Belief | None) -> None:
         camera = self._path.at(moment.ticks - self._frames[0].tick)

@@ -9,6 +9,7 @@ from helpers_exports import lossy_hunt
 from encircle.cli.exporting import FORMATS, main
 from encircle.exports import video
 from encircle.exports.video import VideoError, export_gif, export_mp4, export_png
+from encircle.protocol.process.interrupts import Interrupted
 from encircle.runner.hunts import run
 from encircle.scene.palette import LIGHT, ROBOTS
 
@@ -183,6 +184,21 @@ def test_the_command_takes_the_options_of_videos(tmp_path, capsys):
             main([str(out), *wrong, "--out", str(tmp_path / "other")], "encircle export")
         assert words in capsys.readouterr().err
     assert not (tmp_path / "other").exists()
+
+
+def test_a_video_that_is_stopped_leaves_nothing(tmp_path, monkeypatch):
+    """As by Ctrl-C: the signal is looked for before each picture."""
+    run("sim1", link="memory", out=tmp_path / "run", overrides=["ticks_max=3"])
+    before = sorted((tmp_path / "run").iterdir())
+
+    def stopped(where):
+        if where.startswith(" at picture 5 "):
+            raise Interrupted(f"stopped{where}")
+
+    monkeypatch.setattr(video, "check", stopped)
+    with pytest.raises(Interrupted, match="stopped at picture 5 of 39"):
+        main([str(tmp_path / "run"), "--to", "mp4", "--size", SMALL], "encircle export")
+    assert sorted((tmp_path / "run").iterdir()) == before
 
 
 def test_all_three_formats_stand_in_the_table():

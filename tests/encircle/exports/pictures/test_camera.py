@@ -11,19 +11,24 @@ BOX = (10.0, 20.0, 810.0, 620.0)
 RADIUS_M, AROUND_M = 0.5, 1.0
 
 
-def path_of(positions):
-    return camera_path(positions, RADIUS_M, AROUND_M, BOX, 1.0)
+def path_of(positions, tick_s=0.1):
+    return camera_path(positions, RADIUS_M, AROUND_M, tick_s, BOX, 1.0)
 
 
 @settings(max_examples=40)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 120), st.floats(0.0, 0.6))
-def test_every_body_is_in_the_picture_at_every_tick(seed, ticks, step_m):
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 120),
+    st.floats(0.0, 0.6),
+    st.sampled_from([0.001, 0.02, 0.1, 1.0]),
+)
+def test_every_body_is_in_the_picture_at_every_tick(seed, ticks, step_m, tick_s):
     """Bodies that walk as they like, as far in a tick as fast robots go."""
     rng = np.random.default_rng(seed)
     steps = rng.uniform(-step_m, step_m, (ticks + 1, 4, 2))
     drift = rng.uniform(-step_m, step_m, (1, 1, 2))
     positions = rng.uniform(-10, 10, (1, 4, 2)) + np.cumsum(steps + drift, axis=0)
-    path = path_of(positions)
+    path = path_of(positions, tick_s)
     for row in range(ticks + 1):
         pixels = path.at(row).all_at(positions[row])
         assert (pixels >= (BOX[0], BOX[1])).all()
