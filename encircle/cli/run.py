@@ -6,7 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from encircle.cli.painter import Painter
-from encircle.cli.watching import add_show_options, given_show_options, show_options
+from encircle.cli.watching import (
+    add_show_options,
+    add_start_option,
+    given_show_options,
+    show_options,
+)
 from encircle.protocol.process.deferred_imports import UNUSED, lazy
 from encircle.protocol.programs.option_values import one_of, pace, seconds, whole_number
 from encircle.protocol.programs.options import Options, variable_of
@@ -114,4 +119,5 @@ def _options(program: str) -> Options:
     )
     options.add_flag("--watch", "show the hunt on a page in the browser while it goes on")
     add_show_options(options)
+    add_start_option(options)
     return options

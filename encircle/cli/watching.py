@@ -4,7 +4,7 @@ from argparse import ArgumentTypeError, Namespace
 from typing import TYPE_CHECKING
 
 from encircle.extras import needing
-from encircle.protocol.programs.option_values import one_of, whole_number_in
+from encircle.protocol.programs.option_values import one_of, seconds, whole_number_in
 from encircle.protocol.programs.options import Options
 
 if TYPE_CHECKING:
@@ -39,6 +39,17 @@ def add_show_options(options: Options) -> None:
     )
 
 
+def add_start_option(options: Options) -> None:
+    """Add the option of a command whose hunt begins with the page."""
+    options.add(
+        "--watch-start",
+        "with --watch: begin when a page is open, or after this long, in s; 10 if a browser is"
+        " opened, at once if not",
+        read=seconds,
+        metavar="S",
+    )
+
+
 def given_show_options(settings: Namespace) -> list[str]:
     """Which of the options are given, for a command that shows nothing."""
     given = {
@@ -46,6 +57,7 @@ def given_show_options(settings: Namespace) -> list[str]:
         "--host": settings.host,
         "--no-browser": settings.no_browser,
         "--watch-end": settings.watch_end,
+        "--watch-start": settings.watch_start,
     }
     return [name for name, value in given.items() if value]
 
@@ -63,6 +75,7 @@ def show_options(settings: Namespace, what: str) -> "ShowOptions":
         settings.host or LOOPBACK,
         not settings.no_browser,
         WatchEnd(settings.watch_end or ENDS[0]),
+        getattr(settings, "watch_start", None),
     )
 
 

@@ -157,7 +157,7 @@ def run(
     trails = None
     begun = time.perf_counter()
     try:
-        with signals_held(), _told(progress, loaded) as tell:
+        with signals_held(), _shown(onlooker, loaded, name), _told(progress, loaded) as tell:
             if link == "memory":
                 # Imported late: robots' code is not needed by who starts processes.
                 from encircle.runner.trails import Trails
@@ -212,7 +212,8 @@ def resume(
         resumed = rebuild(read_last(run_directory), bounded_log())
         scenario, name = resumed.core.rounds.written, resumed.core.run
         check_pace(scenario, pace)
-        with _told(progress, scenario) as tell:
+        shown = _shown(onlooker, scenario, name, resumed.messages)
+        with shown, _told(progress, scenario) as tell:
             if link == "memory" or resumed.core.ended is not None:
                 result, timing, processes = _in_memory(
                     scenario, name, run_directory, tell, resumed, interventions, pace, onlooker
@@ -224,10 +225,7 @@ def resume(
                 arguments += _pace_option(pace)
                 order = ["world", *scenario.ids]
                 given = (run_directory, timeouts, interventions, onlooker)
-                with _shown(onlooker, scenario, name, resumed.messages):
-                    result, timing = run_processes(
-                        arguments, scenario.ids, name, tell, order, *given
-                    )
+                result, timing = run_processes(arguments, scenario.ids, name, tell, order, *given)
                 processes = len(order)
     wall_s = time.perf_counter() - begun
     return Hunt(
@@ -316,10 +314,7 @@ def _in_memory(
 
     begun, failure = time.perf_counter(), ""
     try:
-        with (
-            closing(recorder) if recorder else nullcontext(),
-            _shown(onlooker, scenario, name, so_far or ()),
-        ):
+        with closing(recorder) if recorder else nullcontext():
             try:
                 result = run_in_memory(
                     arena, name, bounded_log(), record, progress, trails, resumed
@@ -402,8 +397,7 @@ def _as_processes(
         arguments = [str(path), *(["--out", str(directory)] if directory else [])]
         arguments += ["--when-lost", when_lost, *_pace_option(pace)]
         given = (directory, timeouts, interventions, onlooker)
-        with _shown(onlooker, scenario, name):
-            return run_processes(arguments, scenario.ids, name, tell, order, *given)
+        return run_processes(arguments, scenario.ids, name, tell, order, *given)
 
 
 def default_directory(scenario_name: str, seed: int) -> Path:

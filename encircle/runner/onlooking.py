@@ -8,12 +8,15 @@ from encircle.world.scenario.model import Scenario
 
 
 class HuntOnlooker(Protocol):
-    """Looks on at one hunt; its functions come back at once."""
+    """Looks on at one hunt; its functions come back at once, but ``begin``."""
 
     def begin(
         self, scenario: Scenario, run: str, so_far: Iterable[tuple[int, str, bytes]] = ()
     ) -> None:
-        """A hunt is about to begin, or to go on after what is recorded: (tick, key, payload)."""
+        """A hunt is about to begin, or to go on after what is recorded: (tick, key, payload).
+
+        It begins when this comes back.
+        """
 
     def look_on(self, endpoint: str) -> "Future[None]":
         """Over Zenoh: the hunt's world is there. No robot is started before this is done."""

@@ -13,6 +13,7 @@ from typing import Any
 from encircle.live.in_memory import MemoryFeed
 from encircle.live.over_zenoh import NothingToSee, ZenohFeed
 from encircle.live.updates import Feed
+from encircle.protocol.process.interrupts import is_signal_held
 from encircle.protocol.process.log import say_error
 from encircle.protocol.zenoh.endpoints import ConnectionFailed, Endpoints
 from encircle.runner.interventions import Interventions
@@ -51,7 +52,7 @@ class HuntShow:
     def begin(
         self, scenario: Scenario, run: str, so_far: Iterable[tuple[int, str, bytes]] = ()
     ) -> None:
-        """Serve the page of a hunt that is about to begin."""
+        """Serve the page of a hunt that is about to begin, and wait for it to be opened."""
         self._run, self._so_far = run, tuple(so_far)
         stage = stage_of(scenario, scenario.seed, run)
         if self.interventions is None:
@@ -62,6 +63,7 @@ class HuntShow:
             self.show = Show(stage, self._options, self._control.on_message)
             self._control.tell = self.show.server.tell
         self.show.start()
+        self.show.await_page(is_signal_held)
         if self._in_memory:
             self._memory = MemoryFeed(scenario, run, so_far=self._so_far)
             self._follow(self._memory)

@@ -30,6 +30,7 @@ UNSEEN_S = 3.0
 """How long no page may be open before nobody is taken to look on: a page that is loaded anew is
 not open for a moment."""
 STEP_S = 0.1
+START_S_MAX = 10.0
 
 
 class WatchEnd(StrEnum):
@@ -46,12 +47,17 @@ class WatchEnd(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ShowOptions:
-    """How a hunt is shown. ``port``: 0 for any that is free; ``browser``: whether to open one."""
+    """How a hunt is shown. ``port``: 0 for any that is free; ``browser``: whether to open one.
+
+    ``start_s_max``: how long a hunt that is to begin waits for a page to be open, in s; None is
+    ``START_S_MAX`` if a browser could be opened, and not at all otherwise.
+    """
 
     port: int = 0
     host: str = LOOPBACK
     browser: bool = True
     end: WatchEnd = WatchEnd.STAY
+    start_s_max: float | None = None
 
 
 class Show:
@@ -61,13 +67,23 @@ class Show:
         self.history = History(stage)
         self.server = PageServer(self.history, options.host, options.port, on_message)
         self._options = options
+        self._has_browser = False
 
     def start(self) -> None:
         """Serve the page, and say where; open a browser if there is one."""
         self.server.start()
         say_error(f"encircle: the page is at {self.server.address}")
         if self._options.browser:
-            open_browser(self.server.address)
+            self._has_browser = open_browser(self.server.address)
+
+    def await_page(self, stopped: Callable[[], bool]) -> None:
+        """Wait for a page to be open, as long as the options say, or until ``stopped``."""
+        s_max = self._options.start_s_max
+        if s_max is None:
+            s_max = START_S_MAX if self._has_browser else 0.0
+        until_s = time.monotonic() + s_max
+        while not self.server.pages and not stopped() and time.monotonic() < until_s:
+            time.sleep(STEP_S)
 
     def feed(self, feed: Feed, stopped: Callable[[], bool] = lambda: False) -> Status:
         """Show what a feed gives, until its end or until ``stopped``; how the run stood then."""
@@ -122,12 +138,12 @@ def status_json(status: Status) -> dict[str, Any]:
     }
 
 
-def open_browser(address: str) -> None:
-    """Open a page in the user's browser, if there is one that has a window to do so."""
+def open_browser(address: str) -> bool:
+    """Open a page in the user's browser; whether there is one, and a display for its window."""
     if sys.platform.startswith("linux") and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
-        return
+        return False
     try:
         browser = webbrowser.get()
     except webbrowser.Error:
@@ -135,7 +151,7 @@ def open_browser(address: str) -> None:
     if browser is None or type(browser) is webbrowser.GenericBrowser:
         # One of the latter kind takes the terminal.
         say_error("encircle: no browser was found here; open the address in one yourself")
-        return
+        return False
 
     def show() -> None:
         if not browser.open(address):
@@ -143,3 +159,4 @@ def open_browser(address: str) -> None:
 
     # It may take seconds to answer.
     threading.Thread(target=show, name="browser", daemon=True).start()
+    return True

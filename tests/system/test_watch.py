@@ -101,7 +101,10 @@ def test_a_port_in_use_is_one_line(recorded):
     assert len(done.stderr.splitlines()) == 1
 
 
-@pytest.mark.parametrize("option", [("--port", "8000"), ("--no-browser",), ("--watch-end", "run")])
+@pytest.mark.parametrize(
+    "option",
+    [("--port", "8000"), ("--no-browser",), ("--watch-end", "run"), ("--watch-start", "3")],
+)
 def test_options_of_the_page_go_with_watch(option):
     done = command("run", "sim1", "--link", "memory", *option)
     assert (done.returncode, done.stdout) == (2, "")
@@ -168,6 +171,30 @@ def test_a_hunt_is_seen_as_it_goes_on_and_the_page_stays_until_it_is_closed(
     assert node.end() == 0, node.said
     assert node.printed()["digest"] == encircle.run("sim1", link="memory").digest
     assert (out / "trajectory.png").exists()
+
+
+@pytest.mark.parametrize("link", ["memory", "zenoh"])
+def test_a_hunt_begins_when_a_page_is_open(started, tmp_path, link):
+    how = ("--link", link, "--watch", "--no-browser", "--watch-end", "run", "--watch-start", "3600")
+    node = started("run", "sim1", *how, "--out", tmp_path / "run", "--json", *FAST)
+    at = At(node)
+
+    async def look():
+        assert len((await read_until_ended(await resumed(at)))["frames"]) == 33
+
+    run(look)
+    assert node.end() == 0, node.said
+
+
+@pytest.mark.parametrize("link", ["memory", "zenoh"])
+def test_and_is_stopped_before_it_has_begun(started, tmp_path, link):
+    how = ("--link", link, "--watch", "--no-browser", "--watch-start", "3600")
+    node = started("run", "sim1", *how, "--out", tmp_path / "run")
+    At(node)
+    os.kill(node.pid, signal.SIGINT)
+    assert node.end() == 1
+    assert "stopped by SIGINT before the run began" in node.said
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize("link", ["memory", "zenoh"])
