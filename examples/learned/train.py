@@ -112,9 +112,9 @@ def main(arguments):
     parser = argparse.ArgumentParser(description="Train the policy of learned.py.")
     parser.add_argument("--out", type=Path, required=True, help="the file to write, a new one")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--generations", type=int, default=60)
-    parser.add_argument("--pairs", type=int, default=16, help="pairs of networks in a generation")
-    parser.add_argument("--hunts", type=int, default=6, help="hunts of each network")
+    parser.add_argument("--generations", type=int, default=50)
+    parser.add_argument("--pairs", type=int, default=10, help="pairs of networks in a generation")
+    parser.add_argument("--hunts", type=int, default=4, help="hunts of each network")
     parser.add_argument("--workers", type=int, default=2, help="processes that hunt")
     options = parser.parse_args(arguments)
     if options.out.exists():

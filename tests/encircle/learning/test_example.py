@@ -180,6 +180,27 @@ def test_what_hunts_in_the_environment_hunts_the_same_in_processes(scene):
         assert hunt.digest == infos["r1"]["digest"]
 
 
+def test_it_captures_what_its_start_never_does(scene):
+    """Before training it heads straight for the target, as ``pursuit`` does."""
+    captures = {}
+    for strategy in (NAME, "pursuit"):
+        change = [f"team.strategy={strategy}"]
+        hunts = [encircle.run(scene, seed=s, link="memory", overrides=change) for s in HELD_OUT]
+        captures[strategy] = sum(hunt.captured for hunt in hunts)
+    assert captures["pursuit"] == 0
+    assert captures[NAME] >= len(HELD_OUT) // 2
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(7200)
+def test_the_command_in_the_shipped_file_writes_it(tmp_path):
+    command = SHIPPED.read_text().split(train.MARK)[1].split("\n")[0]
+    arguments = command.removeprefix("# train.py ").split()
+    program = [sys.executable, str(EXAMPLE / "train.py"), "--out", str(tmp_path / "again.py")]
+    subprocess.run([*program, *arguments], check=True)
+    assert (tmp_path / "again.py").read_text() == SHIPPED.read_text()
+
+
 def test_the_study_is_of_the_same_scene_and_other_seeds(scene):
     plan = load_plan(EXAMPLE / "study.toml")
     assert not set(plan.seed_list) & set(train.SEEDS)
