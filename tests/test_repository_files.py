@@ -6,8 +6,11 @@ import tomllib
 import pytest
 import yaml
 from helpers_paths import ROOT
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+DESCRIPTION = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT = DESCRIPTION["project"]
 MAKEFILE = (ROOT / "Makefile").read_text()
 TARGETS = re.findall(r"^\.PHONY: (.*)$", MAKEFILE, re.MULTILINE)[0].split()
 
@@ -49,3 +52,16 @@ def test_the_changelog_begins_with_what_is_not_released():
     headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
     assert headings[0] == "Unreleased"
     assert headings[1].split()[0] == PROJECT["version"]
+
+
+def test_everything_that_building_and_running_need_is_pinned():
+    """`make setup` builds without isolation: what builds has to be pinned with the rest."""
+    lines = (ROOT / "requirements.txt").read_text().splitlines()
+    pins = dict(line.split("==") for line in lines if not line.startswith("#"))
+    pinned = {canonicalize_name(name): version for name, version in pins.items()}
+    extras = PROJECT["optional-dependencies"].values()
+    needed = sum(extras, DESCRIPTION["build-system"]["requires"] + PROJECT["dependencies"])
+    for requirement in map(Requirement, needed):
+        version = pinned.get(canonicalize_name(requirement.name))
+        assert version is not None, f"{requirement} is not in requirements.txt"
+        assert requirement.specifier.contains(version), f"{requirement}: pinned is {version}"
