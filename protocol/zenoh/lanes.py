@@ -7,9 +7,12 @@ take the sender's word. On the way out of it, whatever finds no room is dropped,
 the healthy too; but their queues have room for all that a round can bring, as messages are packed
 there by bytes and not one by one. What is lost all the same is asked for again.
 
-That goes by the *sure* lane, as does what is sent once: a queue of its own, which blocks. So little
-takes it that it does not fill to one that is frozen before its connection ends; if it does, the
-gate closes that connection.
+An answer to a query goes as the query came: a gate marks each that comes in, so that nobody waits
+for one who asks much and reads nothing.
+
+What is asked for again goes by the *sure* lane, as does what is sent once: a queue of its own,
+which blocks. So little takes it that it does not fill to one that is frozen before its connection
+ends; if it does, the gate closes that connection.
 
 Settings are a mapping from names in Zenoh's configuration to values, as in
 ``encircle.protocol.zenoh.access_control``.
@@ -45,12 +48,18 @@ _BLOCK_WHEN_FULL = {
     "qos": {"priority": SURE},
     "overwrite": {"congestion_control": "block"},
 }
+_DROP_ANSWERS = {
+    "id": "nor is who asks waited for",
+    "messages": ["query"],
+    "flows": ["ingress"],
+    "overwrite": {"congestion_control": "drop"},
+}
 QUEUE_SETTINGS: Settings = {
     f"transport/link/tx/queue/size/{priority}": BATCHES_MAX for priority in (ROUND, SURE, "data")
 }
 """Of every node."""
 GATE_SETTINGS: Settings = {
-    "qos/network": [_DROP_WHEN_FULL, _BLOCK_WHEN_FULL],
+    "qos/network": [_DROP_WHEN_FULL, _BLOCK_WHEN_FULL, _DROP_ANSWERS],
     "transport/link/tx/queue/congestion_control/block/wait_before_close": CLOSE_AFTER_US,
 }
 """Of every node that listens, beside ``QUEUE_SETTINGS``."""

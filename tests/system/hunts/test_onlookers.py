@@ -47,11 +47,13 @@ WITHOUT_CERTIFICATES = [
     *(f"anyone:hear:{robot_key(RUN, '*', c)}" for c in ("setup", "end", "pose", "command")),
     f"anyone:hear:{robot_key(RUN, 'r1', 'observation')}",
     f"anyone:hear:{world_key(RUN, 'state')}",
+    f"anyone:ask:{world_key(RUN, 'scenario')}",
 ]
 WITH_CERTIFICATES = [
     f"viewer:hear:{world_key(RUN, 'state')}",
     f"viewer:hear:{world_key(RUN, 'radio')}",
     f"viewer:hear:{robot_key(RUN, '*', '*')}",
+    f"viewer:ask:{world_key(RUN, 'scenario')}",
     f"viewer:watch:{world_key(RUN, 'alive')}",
     f"viewer:watch:{robot_key(RUN, '*', 'alive')}",
     f"r1:hear:{robot_key(RUN, 'r1', '*')}",

@@ -2,9 +2,10 @@
 
 WHAT is ``WHO:HOW:KEY``, each with a session of its own: HOW is ``hear`` (subscribe to messages),
 ``read`` (likewise, and print of each that says something tick, robot and what it says, as JSON),
-``watch`` (subscribe to tokens) or ``answer`` (be asked). After each message it pauses. WHO is whose
-certificate of DIRECTORY it shows, if that is not empty. Its buffers are small and its connections
-never expire, so that it is soon felt that it does not read, and for as long as it lives.
+``watch`` (subscribe to tokens), ``answer`` (be asked) or ``ask`` (many questions at once). After
+each message it pauses. WHO is whose certificate of DIRECTORY it shows, if that is not empty. Its
+buffers are small and its connections never expire, so that it is soon felt that it does not read,
+and for as long as it lives.
 """
 
 import json
@@ -13,6 +14,8 @@ import time
 
 import msgpack
 import zenoh
+
+QUESTIONS = 3000
 
 
 def settings(endpoint, directory, who):
@@ -49,6 +52,10 @@ def look_on(session, how, key, pause):
     handler = zenoh.handlers.Callback(lambda _said: time.sleep(pause), indirect=False)
     if how == "hear":
         return session.declare_subscriber(key, handler)
+    if how == "ask":
+        for _ in range(QUESTIONS):
+            session.get(key, handler, timeout=3600.0)
+        return None
     if how == "watch":
         return session.liveliness().declare_subscriber(key, handler, history=True)
     return session.declare_queryable(key, handler)
