@@ -36,6 +36,8 @@ from encircle.viewer.history import History, Position, as_text
 from encircle.viewer.page_files import INDEX, page_text, page_type
 
 LOOPBACK = "127.0.0.1"
+HTTP_PORT = 80
+"""Which browsers leave out."""
 PAGES_MAX = 32
 TAKEN_BYTES_MAX = 64 * 1024
 TAKEN_PER_S_MAX, TAKEN_AT_ONCE_MAX = 100.0, 300
@@ -133,12 +135,12 @@ class PageServer:
         """Whether a request is meant for this server, by its ``Host`` header."""
         try:
             parts = urlsplit(f"//{host}")
-            name, port = parts.hostname or "", parts.port
+            name, port = parts.hostname or "", parts.port or HTTP_PORT
         except ValueError:
             return False
         if port != self.port:
             return False
-        return name in ("localhost", self.host) or _is_address(name)
+        return name in ("localhost", self.host.lower()) or _is_address(name)
 
     def _run(self) -> None:
         _quiet()
