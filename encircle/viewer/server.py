@@ -17,6 +17,7 @@ import hmac
 import ipaddress
 import json
 import logging
+import os
 import secrets
 import socket
 import threading
@@ -147,8 +148,11 @@ class PageServer:
         try:
             asyncio.run(self._serve())
         except OSError as error:
-            where = f"port {self.port} of {self.host}"
-            self._failure = f"{where} cannot be used for the page: {error.strerror or error}"
+            where = f"port {self.port} of {self.host}" if self.port else self.host
+            # Python's own words name the address once more.
+            known = error.errno is not None and error.errno > 0
+            why = os.strerror(error.errno) if known else error.strerror or str(error)
+            self._failure = f"{where} cannot be used for the page: {why}"
         finally:
             self._started.set()
 

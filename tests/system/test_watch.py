@@ -58,7 +58,11 @@ def started(tmp_path):
         (("RECORDED", "--port", "0"), 2, "--port: '0' is not a whole number from 1 to 65535"),
         (("RECORDED", "--host", "a b"), 2, "'a b' is not an address or name of this machine"),
         (("RECORDED", "--watch-end", "soon"), 2, "--watch-end: 'soon'"),
-        (("RECORDED", "--host", "203.0.113.1"), 1, "of 203.0.113.1 cannot be used for the page"),
+        (
+            ("RECORDED", "--host", "203.0.113.1"),
+            1,
+            "encircle: 203.0.113.1 cannot be used for the page",
+        ),
         (
             ("--connect", "tcp/127.0.0.1:1", "--run", "x", "--join-timeout", "0.2"),
             1,

@@ -306,3 +306,29 @@ def test_who_closes_a_feed_wakes_who_waits(recorded):
         feed.close()
         feed.close()
         joined(waiting)
+
+
+class NotShown:
+    """An onlooker whose page cannot be served."""
+
+    def begin(self, *_hunt):
+        raise RuntimeError("no page")
+
+
+@pytest.mark.parametrize("link", ["memory", "zenoh"])
+def test_a_hunt_that_cannot_be_shown_writes_nothing_and_sets_nothing_aside(tmp_path, link):
+    new, half = tmp_path / "new", tmp_path / "half"
+    with pytest.raises(RuntimeError, match="no page"):
+        run(LOSSY, link=link, out=new, onlooker=NotShown())
+    assert not new.exists()
+
+    def stop(report):
+        if report.get("tick", 0) > 0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(LOSSY, link="memory", out=half, progress=stop, pace=20.0)
+    before = {path.name: path.read_bytes() for path in half.iterdir()}
+    with pytest.raises(RuntimeError, match="no page"):
+        encircle.resume(half, link=link, onlooker=NotShown())
+    assert {path.name: path.read_bytes() for path in half.iterdir()} == before
