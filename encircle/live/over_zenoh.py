@@ -9,6 +9,7 @@ import json
 import time
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import replace
 
 from encircle.live.inbox import Inbox
 from encircle.live.rounds import Round, RoundCollector
@@ -31,8 +32,11 @@ TOKENS_S_MAX = 1.0
 LATE_S_MAX = 0.5
 """How long a round may wait for what is missing of it while later ones are there."""
 LAST_S_MAX = 2.0
-"""How long what was said last may be on its way after the end was told, or the world is gone."""
-GONE = "the world is gone"
+"""How long what was said last may be on its way after the end was told."""
+GONE_S_MAX = 5.0
+"""How long a world may be gone: who looks on and was frozen has lost its connection and gets it
+back, and whether the world lives is only known then."""
+GONE, LOST = "the world is gone", "the world is out of reach: trying again"
 
 Heard = tuple[str, bytes | bool]
 """A key with a message's payload, or with whether its token is there."""
@@ -86,6 +90,7 @@ class ZenohFeed:
         self._there: set[str] = set()
         self._heard_s = time.monotonic()
         self._ended_s: float | None = None
+        self._gone_s: float | None = None
         self._reason = ""
         self._over = False
 
@@ -103,7 +108,8 @@ class ZenohFeed:
             else:
                 rounds += self._rounds.take(key, what)
         rounds += self._given_up(rounds)
-        self._look_for_end()
+        if not self._over:
+            self._look_for_end()
         if self._over:
             rounds += self._rounds.flush()
         messages, frames = self._scene.take(rounds)
@@ -140,7 +146,9 @@ class ZenohFeed:
             time.sleep(ASK_PERIOD_S)
 
     def _why_nothing(self, waited_s: float) -> str:
-        runs = self._onlooker.runs(TOKENS_S_MAX)
+        until_s = time.monotonic() + TOKENS_S_MAX
+        while not (runs := self._onlooker.runs(TOKENS_S_MAX)) and time.monotonic() < until_s:
+            time.sleep(ASK_PERIOD_S)
         if self.run in runs:
             return (
                 f"the world of run {self.run} does not tell its scenario:"
@@ -163,8 +171,7 @@ class ZenohFeed:
     def _see(self, key: str, alive: bool) -> None:
         """A token came or went."""
         if key == world_key(self.run, "alive"):
-            if not alive and self._ended_s is None:
-                self._ended_s = time.monotonic()
+            self._gone_s = None if alive else time.monotonic()
             return
         with suppress(UnknownKey):
             robot = parse_key(key).robot or ""
@@ -174,11 +181,10 @@ class ZenohFeed:
         end, now_s = self._rounds.end, time.monotonic()
         if end is not None and self._ended_s is None:
             self._ended_s = now_s
-        if self._ended_s is None or self._over:
-            return
-        next_tick = self._rounds.first_to_come or 0
-        has_last = end is not None and next_tick > end.tick
-        if has_last or now_s - self._ended_s > LAST_S_MAX:
+        has_last = end is not None and (self._rounds.first_to_come or 0) > end.tick
+        is_late = self._ended_s is not None and now_s - self._ended_s > LAST_S_MAX
+        is_gone = self._gone_s is not None and now_s - self._gone_s > GONE_S_MAX
+        if has_last or is_late or is_gone:
             self._over = True
             self._reason = GONE if end is None else end.reason
 
@@ -188,7 +194,10 @@ class ZenohFeed:
             return scene.status(RunState.ENDED, self._reason, missed)
         if scene.joined_tick is None:
             return Status(RunState.WAITING, self._waiting_text())
-        return scene.status(RunState.RUNNING, "", missed)
+        status = scene.status(RunState.RUNNING, "", missed)
+        if self._gone_s is None:
+            return status
+        return replace(status, text=f"{LOST}; {status.text}" if status.text else LOST)
 
     def _waiting_text(self) -> str:
         absent = [robot for robot in self.scenario.ids if robot not in self._there]

@@ -35,6 +35,8 @@ class SceneFeed:
         """The messages of some rounds, and the frames that are whole with them."""
         messages, frames = [], []
         for heard in rounds:
+            if heard.tick > self.last_tick + 1:
+                frames += self._builder.skip_to(heard.tick)
             self.last_tick = heard.tick
             if self.joined_tick is None:
                 self.joined_tick = heard.tick

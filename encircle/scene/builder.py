@@ -124,6 +124,14 @@ class SceneBuilder:
                 return self._take_of_round(message)
         return []
 
+    def skip_to(self, tick: int) -> list[Frame]:
+        """Nothing will come of the ticks before this one; returns the frames of what came of them.
+
+        For who looks on and has missed something: a message of a tick far ahead is refused else.
+        """
+        self._newest = max(self._newest, tick - 1)
+        return list(self._whole_frames())
+
     def finish(self) -> list[Frame]:
         """No more messages come; returns the frames that are left, the last one among them."""
         frames = []

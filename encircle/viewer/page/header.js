@@ -45,13 +45,14 @@
     if (selected !== null && !model.hasBeliefs) {
       return { kind: "warn", text: "This recording has no beliefs: only the truth can be shown." };
     }
+    if (model.status.text) return { kind: "info", text: model.status.text };
     if (model.firstTick > 0) {
       return { kind: "info", text: `Looking on since tick ${model.firstTick}: what was before is not known here.` };
     }
     if (model.status.missed_ticks) {
       return { kind: "info", text: `This viewer was too slow for ${model.status.missed_ticks} ticks.` };
     }
-    return model.status.text ? { kind: "info", text: model.status.text } : null;
+    return null;
   };
 
   class Header {

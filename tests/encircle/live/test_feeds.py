@@ -122,7 +122,13 @@ class World:
         self.link = ZenohConnection(Endpoints(listen=(self.endpoint,)), robot_key(name, "*", "*"))
         if described is not None:
             self.link.answer_queries(world_key(name, "scenario"), lambda: described)
-        self.link.declare_alive(world_key(name, "alive"))
+        self.come_back()
+
+    def come_back(self):
+        self.token = self.link.session.liveliness().declare_token(world_key(self.name, "alive"))
+
+    def leave(self):
+        self.token.undeclare()
 
     def say(self, topic, payload):
         self.link.send(f"encircle/{self.name}/{topic}", payload)
@@ -206,6 +212,37 @@ def test_ticks_that_are_missed_are_told_and_beliefs_are_then_unsure(recorded):
         assert "3 ticks missed" in status.text
         unsure = {frame.tick for frame in frames if frame.beliefs_unsure}
         assert unsure == set(range(15, 40))
+
+
+def test_after_a_long_gap_it_is_seen_again(tmp_path):
+    out = tmp_path / "run"
+    run(LONG, link="memory", out=out)
+    recording = read_recording(out)
+    with watched(recording) as (world, feed):
+        for tick, topic, payload in recording.messages:
+            if not 12 <= tick < 350:
+                world.say(topic, payload)
+        _, frames, status = seen(feed)
+        assert [frame.tick for frame in frames] == [*range(12), *range(350, 401)]
+        assert status.missed_ticks == 338
+
+
+def test_a_world_that_is_out_of_reach_for_a_moment_is_not_gone(recorded):
+    with watched(recorded) as (world, feed):
+        for tick, topic, payload in recorded.messages:
+            if tick <= 10:
+                world.say(topic, payload)
+        until_frames(feed, 9)
+        world.leave()
+        until(lambda: "out of reach" in feed.take(0.1).status.text, "the world to go")
+        world.come_back()
+        until(lambda: feed.take(0.1).status.text == "", "the world to be back")
+        for tick, topic, payload in recorded.messages:
+            if tick > 10:
+                world.say(topic, payload)
+        _, frames, status = seen(feed)
+        assert frames[-1].tick == 40
+        assert (status.text, status.complete) == ("", True)
 
 
 def test_a_world_that_dies_is_told(recorded):
