@@ -150,8 +150,8 @@ class PageServer:
         except OSError as error:
             where = f"port {self.port} of {self.host}" if self.port else self.host
             # Python's own words name the address once more.
-            known = error.errno is not None and error.errno > 0
-            why = os.strerror(error.errno) if known else error.strerror or str(error)
+            code = error.errno or 0
+            why = os.strerror(code) if code > 0 else error.strerror or str(error)
             self._failure = f"{where} cannot be used for the page: {why}"
         finally:
             self._started.set()
