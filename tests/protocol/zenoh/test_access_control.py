@@ -28,6 +28,7 @@ from encircle.protocol.zenoh.access_control import (
 from encircle.protocol.zenoh.endpoints import ConfigurationError, ConnectionFailed, Endpoints
 from encircle.protocol.zenoh.liveliness import is_alive
 from encircle.protocol.zenoh.node_info import ROUTER_KEY
+from encircle.protocol.zenoh.queries import query, serve_queries
 from encircle.protocol.zenoh.session import open_session
 
 RUN = "m"
@@ -207,6 +208,18 @@ def test_nobody_can_be_taken_for_alive_or_gone_by_the_hand_of_another(lab, closi
     for name in ("world", "r1"):
         assert is_alive(asking, alive[name], LONGEST_S)
     assert not is_alive(asking, alive["r2"], LONGEST_S)
+
+
+@pytest.mark.parametrize("form", ["router", "direct"])
+def test_only_a_viewer_may_ask_the_world_for_the_scenario(lab, closing, form):
+    nodes, key = meet(lab, closing, form, free_endpoint("tls")), world_key(RUN, "scenario")
+    serving = serve_queries(nodes["world"].session, key, lambda: b"the scenario")
+    false = serve_queries(nodes["r2"].session, key, lambda: b"another")
+    until(lambda: query(nodes["viewer"].session, key, LONGEST_S) is not None, "an answer")
+    assert query(nodes["viewer"].session, key, LONGEST_S).payload == b"the scenario"
+    assert query(nodes["r1"].session, key, LATER_S) is None
+    serving.undeclare()
+    false.undeclare()
 
 
 @pytest.mark.parametrize("form", ["router", "direct"])
