@@ -13,6 +13,7 @@ exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = f"Encircle {release}"
 html_show_sphinx = False
+html_show_copyright = False
 pygments_dark_style = "monokai"
 
 # The pages are written to be read as files, too: their links lead to files and headings.

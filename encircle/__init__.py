@@ -103,10 +103,13 @@ def study(
     ``out``: directory of its table, ``runs/study-NAME`` by default; ``overrides``: ``key=value``
     changes of its base scenario; ``seeds``: how many, or which (``"1001-1200"``), instead of its
     own. Nothing is run before ``run`` or ``table`` is called. Raises ``StudyError`` listing every
-    problem.
+    problem, ``MissingExtra`` without the packages of studies.
     """
     # Imported late: a hunt needs no tables.
-    from encircle.studies.plan_files import load_plan
-    from encircle.studies.study import Study
+    from encircle.extras import needing
+
+    with needing("encircle.study", "studies"):
+        from encircle.studies.plan_files import load_plan
+        from encircle.studies.study import Study
 
     return Study(load_plan(source, overrides, seeds), out)

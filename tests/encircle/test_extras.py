@@ -1,6 +1,8 @@
 """Packages of extras: the table is that of pyproject.toml; a missing one is told in one line."""
 
 import re
+import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -64,3 +66,12 @@ def test_the_command_line_says_so_in_one_line(monkeypatch, capsys, module, statu
     assert printed.err.startswith(said)
     assert printed.err.count("\n") == 1
     assert printed.out == ""
+
+
+def test_a_study_from_python_says_so_too():
+    """In a fresh interpreter, where nothing of a study is loaded yet."""
+    script = "import sys; sys.modules['pyarrow'] = None; import encircle; encircle.study('loss')"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stderr.splitlines()[-1].endswith(
+        'MissingExtra: encircle.study needs pyarrow: pip install "encircle[studies]"'
+    )
