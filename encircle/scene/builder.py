@@ -128,9 +128,14 @@ class SceneBuilder:
         """Nothing will come of the ticks before this one; returns the frames of what came of them.
 
         For who looks on and has missed something: a message of a tick far ahead is refused else.
+        What packets had delivered is then not known any more.
         """
+        frames = []
+        while (left := self._next_tick()) is not None and left < tick:
+            frames.append(self._frame(left))
         self._newest = max(self._newest, tick - 1)
-        return list(self._whole_frames())
+        self._maker.forget_radio()
+        return frames
 
     def finish(self) -> list[Frame]:
         """No more messages come; returns the frames that are left, the last one among them."""

@@ -43,6 +43,10 @@ class FrameMaker:
         self._there: Flags = (True,) * len(scenario.ids)
         self._doubts: dict[str, str] = {}
 
+    def forget_radio(self) -> None:
+        """Ages and delivery begin anew: ticks were missed, and what arrived in them."""
+        self._radio = RadioWatch(len(self._robots))
+
     def add_event(self, event: ScenarioEvent) -> None:
         """An event was given to the run while it goes on."""
         self._schedule.add(event)
