@@ -3,7 +3,7 @@
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from encircle.world.recording.run_directory import RunDirectoryError
@@ -15,9 +15,13 @@ class OutputError(RunDirectoryError):
 
 def check_new(path: Path) -> None:
     """``OutputError`` if there is something at a path, or no directory to put it in."""
-    if path.exists() or path.is_symlink():
+    try:
+        is_there, has_place = path.exists() or path.is_symlink(), path.parent.is_dir()
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror or error}") from None
+    if is_there:
         raise OutputError(f"{path} is there already: choose another --out, nothing was changed")
-    if not path.parent.is_dir():
+    if not has_place:
         raise OutputError(f"{path} cannot be written: {path.parent} is no directory")
 
 
@@ -37,7 +41,13 @@ def made_whole(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise OutputError(f"{path} cannot be written: {error.strerror or error}") from None
     finally:
-        if unfinished.is_dir():
-            shutil.rmtree(unfinished)
-        else:
-            unfinished.unlink(missing_ok=True)
+        with suppress(OSError):
+            # Such as for a name that is too long: then nothing was made either.
+            _remove(unfinished)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

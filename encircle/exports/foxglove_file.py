@@ -6,6 +6,7 @@ from foxglove import Context, open_mcap
 from foxglove.mcap import MCAPWriteOptions
 
 from encircle.exports.foxglove_topics import HuntTopics
+from encircle.exports.native_errors import write_failures
 from encircle.protocol.process.interrupts import check
 from encircle.scene.builder import frames_of_recording
 from encircle.scene.stage import stage_of
@@ -22,7 +23,10 @@ def export(recording: Recording, out: Path, *, beliefs: bool = True) -> None:
     context = Context()
     # By one thread, the bytes are the same on every machine.
     options = MCAPWriteOptions(compression_threads=0)
-    with open_mcap(out, context=context, writer_options=options) as file:
+    with (
+        write_failures(),
+        open_mcap(out, context=context, writer_options=options) as file,
+    ):
         about = {"run": stage.run, "seed": str(stage.seed), "title": stage.title}
         file.write_metadata("encircle", about)
         topics = HuntTopics(stage, context)

@@ -11,6 +11,7 @@ and ``decisions``; ``modes`` as states; ``packets`` counts by fate; ``events`` a
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
+from os import SEEK_END
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from encircle.exports.drawing import curves, layers
 from encircle.exports.drawing.events import is_warning
 from encircle.exports.drawing.flights import Flights, fate_of
 from encircle.exports.drawing.shapes import Entity, Line
+from encircle.exports.native_errors import write_failures
 from encircle.exports.rerun_blueprint import blueprint
 from encircle.exports.rerun_columns import RerunColumns
 from encircle.protocol.process.interrupts import check
@@ -43,6 +45,10 @@ LEGEND = (
 )
 """What the views show, as Markdown."""
 UNKNOWN_AGE = float("nan")
+ROOM_BYTES = 128 * 1024
+"""More than a blueprint takes for each robot."""
+FLUSH_S_MAX = 30.0
+"""How long nothing may be written while there is something to write, in s."""
 TICKS_AT_ONCE = 50
 """What is drawn is held in memory for so many ticks."""
 
@@ -54,8 +60,10 @@ def export(recording: Recording, out: Path, *, beliefs: bool = True) -> None:
     ``RecordingError`` for a message that cannot be read.
     """
     scene = scene_of_recording(recording, beliefs)
-    out.touch(exist_ok=False)  # Rerun writes over what there is
-    with _strictly():
+    with out.open("xb") as file:  # Rerun writes over what there is
+        # It waits for ever if there is no room for the blueprint.
+        file.write(bytes(ROOM_BYTES * (2 + len(scene.stage.robots))))
+    with _strictly(), write_failures():
         _write(scene.stage, scene.frames, out)
 
 
@@ -86,8 +94,29 @@ def _write(stage: Stage, frames: Sequence[Frame], out: Path) -> None:
     for send in (_send_truth, _send_numbers, _send_decisions, _send_packets, _send_events):
         check()
         send(columns, stage, frames)
-    stream.flush()
+    _flush(stream, out)
     stream.disconnect()
+    with out.open("r+b") as file:
+        # If there was no room for the end of the file, of which Rerun only warns, there is none now.
+        size = file.seek(0, SEEK_END)
+        file.write(b"\0")
+        file.truncate(size)
+
+
+def _flush(stream: rr.RecordingStream, out: Path) -> None:
+    """Wait until all is written, as long as there is more of it every now and then.
+
+    Without an end to its wait, Rerun waits for ever for a thread that has failed to write.
+    """
+    size = -1
+    while True:
+        try:
+            stream.flush(timeout_sec=FLUSH_S_MAX)
+            return
+        except RuntimeError as error:
+            before, size = size, out.stat().st_size
+            if size == before:
+                raise OSError(f"Rerun has written no more than {size} bytes: {error}") from None
 
 
 def description(stage: Stage) -> str:

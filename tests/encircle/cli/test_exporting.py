@@ -169,6 +169,55 @@ def test_what_cannot_be_written_leaves_nothing(own, cli, run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("length", [250, 300])
+def test_a_name_that_is_too_long_is_one_line(own, cli, run, tmp_path, length):
+    out = tmp_path / (length * "x")
+    assert cli(run, "--to", "own", "--out", out) == (
+        2,
+        "",
+        f"encircle: {out} cannot be written: File name too long\n",
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "bytes_max"),
+    [*((name, 600) for name in FORMATS), ("foxglove", 10_000)],
+)
+def test_a_disk_that_is_full_is_told_of_and_leaves_nothing(name, bytes_max, run, tmp_path):
+    # No file may become longer than this, which comes to the same.
+    script = (
+        "import resource, sys; from encircle.cli.main import main;"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({bytes_max}, {bytes_max}));"
+        f"sys.exit(main(['export', {str(run)!r}, '--to', {name!r}, '--out', 'out']))"
+    )
+    done = completed([sys.executable, "-c", script], cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    said = [line for line in done.stderr.splitlines() if line.startswith("encircle: ")]
+    assert [line[:33] for line in said] == ["encircle: out cannot be written: "]
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("share", [0.75, 0.999])
+def test_what_rerun_only_warns_of_is_an_error_too(cli, run, tmp_path, share):
+    # It writes blueprint, data and a footer, the latter two in a thread of its own.
+    whole = tmp_path / "whole"
+    assert cli(run, "--to", "rerun", "--out", whole)[0] == 0
+    limit = int(share * whole.stat().st_size)
+    script = (
+        "import resource, sys; from encircle.cli.main import main;"
+        "from encircle.exports import rerun_file; rerun_file.ROOM_BYTES = 1000;"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}));"
+        f"sys.exit(main(['export', {str(run)!r}, '--to', 'rerun', '--out', 'out']))"
+    )
+    done = completed([sys.executable, "-c", script], cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert "\nencircle: out cannot be written: " in f"\n{done.stderr}"
+    assert [path.name for path in tmp_path.iterdir()] == ["whole"]
+
+
 def test_a_recording_that_is_cut_off_is_told_of_and_written_as_far_as_it_goes(
     own, cli, run, tmp_path
 ):
