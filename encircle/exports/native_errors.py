@@ -9,7 +9,7 @@ WRITE_FAILURES = ("I/O error", "os error", "File-writer")
 
 @contextmanager
 def write_failures() -> Iterator[None]:
-    """Raise ``OSError`` where a library has raised ``RuntimeError`` as it could not write a file."""
+    """Raise ``OSError`` where a library raises ``RuntimeError`` for a file that fails."""
     try:
         yield
     except RuntimeError as error:

@@ -97,7 +97,7 @@ def _write(stage: Stage, frames: Sequence[Frame], out: Path) -> None:
     _flush(stream, out)
     stream.disconnect()
     with out.open("r+b") as file:
-        # If there was no room for the end of the file, of which Rerun only warns, there is none now.
+        # If there was no room for its end, of which Rerun only warns, there is none now.
         size = file.seek(0, SEEK_END)
         file.write(b"\0")
         file.truncate(size)
