@@ -185,10 +185,12 @@ class SceneBuilder:
     def _round_of(self, tick: int) -> Round | None:
         """The round of a tick, None if its frame has been given out.
 
-        ``OutOfTurn`` for a tick that is too far ahead.
+        ``OutOfTurn`` for a tick that is too far ahead, or not of the run.
         """
         if tick <= self._given:
             return None
+        if tick > self.stage.ticks_max:
+            raise OutOfTurn(f"a message of tick {tick}, the run has {self.stage.ticks_max} at most")
         if self._newest >= 0 and tick > self._newest + ROUNDS_OPEN_MAX:
             raise OutOfTurn(f"a message of tick {tick}, the newest truth is of {self._newest}")
         if tick not in self._rounds and len(self._rounds) >= ROUNDS_OPEN_MAX:

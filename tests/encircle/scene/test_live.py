@@ -182,6 +182,18 @@ def test_a_truth_far_ahead_of_all_others_is_refused():
         builder.take(1, "world/state", encode(replace(state, robots=()), RUN))
 
 
+def test_a_first_truth_beyond_the_end_of_the_run_is_refused():
+    # A page would count ticks from 0 to it.
+    recording = lossy()
+    builder = SceneBuilder(recording.scenario, recording.seed, RUN)
+    last = recording.scenario.ticks_max
+    state = decode(State, next(p for _, t, p in recording.messages if t == "world/state"), RUN)
+    with pytest.raises(ProtocolError, match=f"of tick {last + 1}, the run has {last} at most"):
+        builder.take(last, "world/state", encode(replace(state, tick=last + 1), RUN))
+    assert builder.take(last, "world/state", encode(replace(state, tick=last), RUN)) == []
+    assert [frame.tick for frame in builder.finish()] == [last]
+
+
 def test_without_beliefs_all_else_is_the_same():
     recording = lossy(CRASH)
     builder, frames = SceneBuilder(recording.scenario, recording.seed, RUN, beliefs=False), []
