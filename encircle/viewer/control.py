@@ -18,7 +18,6 @@ from encircle.world.scenario.model import Scenario
 
 NOT_ALLOWED = "only the page of who started the run may change it"
 NOT_UNDERSTOOD = 'not understood: send {"intervene": EVENT} or {"radio": true}'
-
 OVER = "intervention: the run is over"
 
 Answer = dict[str, Any]
@@ -67,8 +66,10 @@ class Control:
             self.tell({"control": {"taken": taken}})
 
     def end(self) -> None:
-        """The run is over: nothing can be given any more."""
+        """The run is over: nothing can be given any more, and what still waits was not taken."""
         self._over = True
+        for _ in self._interventions.take():
+            self.tell(_refused(OVER))
 
     def radio(self) -> Answer:
         """What is in force from the next tick on: the scenario's own numbers, and those by events.

@@ -48,6 +48,15 @@ def test_an_event_of_a_page_with_the_token_goes_to_the_run():
     assert "radio" in control.on_message(True, {"radio": True})["control"]
 
 
+def test_what_the_run_has_not_taken_when_it_ends_is_refused():
+    control, queue, told = control_of()
+    for _ in range(2):
+        assert control.on_message(True, {"intervene": LOSS}) is None
+    control.end()
+    assert [refused(answer) for answer in told] == [OVER, OVER]
+    assert queue.take() == []
+
+
 @pytest.mark.parametrize("said", [{}, {"resume": None}, {"interfere": LOSS}])
 def test_what_is_not_understood_is_refused(said):
     control, queue, _ = control_of()

@@ -55,6 +55,9 @@ def answers_to(url, *said, headers=None, count=1):
             await socket.write_message(json.dumps(thing))
         heard = [json.loads(await socket.read_message()) for _ in range(count)]
         socket.close()
+        while await socket.read_message() is not None:
+            # Until then it is not closed.
+            pass
         return heard
 
     return asyncio.run(talk())
