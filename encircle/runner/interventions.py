@@ -9,10 +9,11 @@ from collections.abc import Callable, Mapping
 from threading import Lock
 from typing import Any
 
-from encircle.world.loading.interventions import INTERVENTIONS_MAX, InterventionRefused
-
-LINE_BYTES_MAX = 16 * 1024
-"""What one event may take as JSON."""
+from encircle.world.loading.interventions import (
+    INTERVENTIONS_MAX,
+    LINE_BYTES_MAX,
+    InterventionRefused,
+)
 
 
 class Interventions:

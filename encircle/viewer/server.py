@@ -14,12 +14,9 @@ questions; that is off where others can reach the server.
 import asyncio
 import contextlib
 import hmac
-import ipaddress
 import json
-import logging
 import os
 import secrets
-import socket
 import threading
 import time
 from collections import deque
@@ -32,13 +29,12 @@ from tornado.iostream import StreamClosedError
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from encircle.protocol.process.log import say_error
+from encircle.viewer.addresses import is_loopback, is_meant_for, listening_socket
 from encircle.viewer.history import History, Position, as_text
 from encircle.viewer.page_files import INDEX, page_text, page_type
+from encircle.viewer.server_log import quiet_tornado
 
 LOOPBACK = "127.0.0.1"
-HTTP_PORT = 80
-"""Which browsers leave out."""
 PAGES_MAX = 32
 TAKEN_BYTES_MAX = 64 * 1024
 TAKEN_PER_S_MAX, TAKEN_AT_ONCE_MAX = 100.0, 300
@@ -132,19 +128,8 @@ class PageServer:
         """Whether a page may change the run."""
         return bool(self.token) and hmac.compare_digest(given.encode(), self.token.encode())
 
-    def is_own_host(self, host: str) -> bool:
-        """Whether a request is meant for this server, by its ``Host`` header."""
-        try:
-            parts = urlsplit(f"//{host}")
-            name, port = parts.hostname or "", parts.port or HTTP_PORT
-        except ValueError:
-            return False
-        if port != self.port:
-            return False
-        return name in ("localhost", self.host.lower()) or _is_address(name)
-
     def _run(self) -> None:
-        _quiet()
+        quiet_tornado()
         try:
             asyncio.run(self._serve())
         except OSError as error:
@@ -158,7 +143,7 @@ class PageServer:
 
     async def _serve(self) -> None:
         self._loop, self._stopping = asyncio.get_running_loop(), asyncio.Event()
-        listening = _listening(self.host, self.port)
+        listening = listening_socket(self.host, self.port)
         self.port = listening.getsockname()[1]
         own = {"server": self}
         application = Application(
@@ -197,7 +182,7 @@ class _Guarded(RequestHandler):
         self.server = server
 
     def prepare(self) -> None:
-        if not self.server.is_own_host(self.request.host):
+        if not is_meant_for(self.request.host, self.server.host, self.server.port):
             raise HTTPError(403, reason="Not this server")
 
 
@@ -319,45 +304,3 @@ class _Feed(_Guarded, WebSocketHandler):
         self._taken_left = min(self._taken_left + more, float(TAKEN_AT_ONCE_MAX)) - 1.0
         self._taken_s = now_s
         return self._taken_left >= 0.0
-
-
-class _Lines(logging.Handler):
-    """What goes wrong in the server, in one line each."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        cause = record.exc_info[1] if record.exc_info else None
-        text = record.getMessage().partition("\n")[0]
-        say_error(f"page: {text}" + (f": {cause}" if cause else ""))
-
-
-def _quiet() -> None:
-    """Have tornado say what matters in one line, and nothing of requests that others get wrong."""
-    for name in ("tornado.access", "tornado.general", "tornado.application"):
-        logger = logging.getLogger(name)
-        logger.propagate = False
-        if not logger.handlers:
-            is_ours = name == "tornado.application"
-            logger.addHandler(_Lines() if is_ours else logging.NullHandler())
-
-
-def _listening(host: str, port: int) -> socket.socket:
-    """A socket that listens there; ``OSError`` if that cannot be."""
-    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-    made = socket.create_server(address[:2], family=family)
-    made.setblocking(False)
-    return made
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach what listens there."""
-    if host == "localhost":
-        return True
-    return _is_address(host) and ipaddress.ip_address(host).is_loopback
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True

@@ -23,6 +23,8 @@ from encircle.world.scenario.validation import problems_in
 
 INTERVENTIONS_MAX = 1000
 """In one run: each is looked at in all that follow."""
+LINE_BYTES_MAX = 16 * 1024
+"""What one event may take as JSON."""
 PROBLEMS_SHOWN_MAX = 3
 
 

@@ -16,13 +16,13 @@ from encircle.world.coordinator.real_time_core import RealTimeWorldCore
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.loading.interventions import (
     INTERVENTIONS_MAX,
+    LINE_BYTES_MAX,
     InterventionRefused,
     table_of,
 )
 from encircle.world.process.core_access import CoreAccess
 from encircle.world.process.reports import Reporter
 
-LINE_BYTES_MAX = 16 * 1024
 READ_BYTES = 64 * 1024
 
 

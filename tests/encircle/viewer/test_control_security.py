@@ -145,6 +145,8 @@ def test_what_became_of_an_event_is_told_to_pages_with_the_token_alone(serving):
         after = json.loads(await other.read_message())
         for socket in (starter, other):
             socket.close()
+            while await socket.read_message() is not None:
+                pass
         return told, after, taken
 
     told, after, taken = asyncio.run(talk())

@@ -91,23 +91,6 @@ def test_a_request_that_is_meant_for_another_website_is_refused(serving, host, c
 
 
 @pytest.mark.parametrize(
-    ("host", "port", "named", "is_own"),
-    [
-        # A browser leaves out the port that is http's own, and writes names small.
-        ("127.0.0.1", 80, "127.0.0.1", True),
-        ("127.0.0.1", 80, "localhost", True),
-        ("127.0.0.1", 80, "evil.example", False),
-        ("127.0.0.1", 8080, "127.0.0.1", False),
-        ("Laptop", 8080, "laptop:8080", True),
-        ("::1", 8080, "[::1]:8080", True),
-    ],
-)
-def test_its_own_name_is_known_as_browsers_write_it(host, port, named, is_own):
-    server = PageServer(History(scene().stage), host=host, port=port)
-    assert server.is_own_host(named) == is_own
-
-
-@pytest.mark.parametrize(
     "origin", ["http://evil.example", "http://127.0.0.1:1", "null", "http://["]
 )
 def test_the_page_of_another_website_gets_no_feed(serving, origin):

@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from encircle.world.coordinator.world_core import WorldCore
-from encircle.world.loading.interventions import InterventionRefused
+from encircle.world.loading.interventions import LINE_BYTES_MAX, InterventionRefused
 from encircle.world.process.control_input import (
-    LINE_BYTES_MAX,
     ControlInput,
     ControlLines,
     read_event,
