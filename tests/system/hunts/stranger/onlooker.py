@@ -16,6 +16,7 @@ import msgpack
 import zenoh
 
 QUESTIONS = 3000
+LONGEST_S = 3600.0
 
 
 def settings(endpoint, directory, who):
@@ -54,7 +55,7 @@ def look_on(session, how, key, pause):
         return session.declare_subscriber(key, handler)
     if how == "ask":
         for _ in range(QUESTIONS):
-            session.get(key, handler, timeout=3600.0)
+            session.get(key, handler, timeout=LONGEST_S)
         return None
     if how == "watch":
         return session.liveliness().declare_subscriber(key, handler, history=True)
