@@ -120,6 +120,9 @@ def main(arguments):
     if options.out.exists():
         say_error(f"--out {options.out}: is there already; name a new file")
         return 2
+    if not options.out.parent.is_dir():
+        say_error(f"--out {options.out}: {options.out.parent} is no directory")
+        return 2
     path = HERE / "learned.py"
     if options.workers == 1:
         weights = train(path, options, map)

@@ -68,6 +68,11 @@ def test_a_file_that_is_there_stays(tmp_path, capsys):
     assert "is there already; name a new file" in capsys.readouterr().err
 
 
+def test_where_nothing_can_be_written_nothing_is_trained(tmp_path, capsys):
+    assert train.main(["--out", str(tmp_path / "nowhere" / "mine.py")]) == 2
+    assert capsys.readouterr().err.endswith("nowhere is no directory\n")
+
+
 def test_the_shipped_file_is_as_train_writes_it():
     weights = np.array([float(weight) for weight in learned.WEIGHTS.split()])
     text = SHIPPED.read_text()
