@@ -152,8 +152,8 @@ def test_what_takes_long_is_left_out_of_few(made, tmp_path):
 
 def test_a_run_that_fails_is_shown_as_far_as_it_comes(tmp_path, monkeypatch, capfd):
     monkeypatch.setenv(FOLDERS, str(tmp_path))
-    (tmp_path / "mine.py").write_text(GRUMPY, encoding="utf-8")
-    tree = {**TREE, "axes": [], "strategies": ["xi-star", "mine.py:grumpy"], "seeds": 2}
+    (tmp_path / "grumpy_robots.py").write_text(GRUMPY, encoding="utf-8")
+    tree = {**TREE, "axes": [], "strategies": ["xi-star", "grumpy_robots.py:grumpy"], "seeds": 2}
     study = encircle.study(tree, tmp_path / "t")
     study.run(workers=1)
     with closing(study.open()) as table:

@@ -193,7 +193,7 @@ def test_a_hunt_goes_on_as_if_the_tokens_of_strangers_were_not_there(hunt, how, 
         for token in round_of:
             token.undeclare()
         # What everybody answers cannot have overtaken what was withdrawn before.
-        assert len(list(stranger.get(f"encircle/{RUN}/**", timeout=LONGEST_S))) == 5
+        assert len(list(stranger.get(f"encircle/{RUN}/**/about", timeout=LONGEST_S))) == 5
         hunt.wait_for_ticks()
     assert hunt.departures == []
     assert not any("gone" in node.said for node in hunt.robots.values())
@@ -234,7 +234,7 @@ def test_robots_written_from_the_page_alone_stay_as_well(hunt, closing, tmp_path
     hunt.wait_for_ticks()
     for token in kept:
         token.undeclare()
-    assert len(list(stranger.get(f"encircle/{RUN}/**", timeout=LONGEST_S))) == 3
+    assert len(list(stranger.get(f"encircle/{RUN}/**/about", timeout=LONGEST_S))) == 3
     hunt.wait_for_ticks()
     assert hunt.departures == []
     hunt.world.kill()
