@@ -94,6 +94,9 @@ def main(arguments: Sequence[str], program: str) -> int:
     from encircle.whole_files import check_new, made_whole
 
     out = settings.out or default_out(settings.run, form)
+    ending = f".{form.suffix.rpartition('.')[2]}"
+    if form.suffix.endswith(ending) and out.suffix not in ("", ending):
+        options.error(f"--out {out}: what --to {settings.to} writes ends in {ending}")
     check_new(out)
     with needing(f"--to {settings.to}", form.extra or None):
         export = getattr(import_module(form.module), form.function)

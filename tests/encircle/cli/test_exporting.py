@@ -140,6 +140,14 @@ def test_options_of_a_format_are_read_as_what_they_are(own, cli, run, tmp_path, 
     assert (tmp_path / "it").read_text().split(" ", 1)[1] == written
 
 
+def test_a_file_is_not_written_under_another_formats_ending(cli, run, tmp_path):
+    out = tmp_path / "hunt.avi"
+    status, printed, told = cli(run, "--to", "mp4", "--out", out)
+    assert (status, printed) == (2, "")
+    assert told.endswith(f"--out {out}: what --to mp4 writes ends in .mp4\n")
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
