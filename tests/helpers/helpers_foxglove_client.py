@@ -53,12 +53,14 @@ class Client:
         loop = asyncio.get_running_loop()
         self._hang_up = lambda: loop.call_soon_threadsafe(socket.close)
         self.protocol = socket.selected_subprotocol
-        while (message := await socket.read_message()) is not None:
-            if isinstance(message, str):
-                await self._take(socket, json.loads(message))
-            else:
-                self._keep(message)
-        socket.close()
+        try:
+            while (message := await socket.read_message()) is not None:
+                if isinstance(message, str):
+                    await self._take(socket, json.loads(message))
+                else:
+                    self._keep(message)
+        finally:
+            socket.close()
 
     async def _take(self, socket, said):
         if said["op"] == "serverInfo":

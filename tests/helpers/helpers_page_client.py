@@ -41,9 +41,11 @@ def flooding(address: str) -> Iterator[None]:
         while not over.is_set():
             with contextlib.suppress(Exception):
                 feed = await websocket_connect(address.replace("http", "ws", 1) + "feed")
-                while not over.is_set() and feed.close_code is None:
-                    await feed.write_message('{"x": "' + 1000 * "y" + '"}')
-                feed.close()
+                try:
+                    while not over.is_set() and feed.close_code is None:
+                        await feed.write_message('{"x": "' + 1000 * "y" + '"}')
+                finally:
+                    feed.close()
 
     thread = threading.Thread(target=lambda: asyncio.run(send()), name="flood", daemon=True)
     thread.start()

@@ -14,7 +14,6 @@ from helpers_studies import LOSS, filled, loss_only, never, study_plan
 from helpers_waiting import completed
 
 import encircle
-from encircle.protocol.plugin_files import FOLDERS
 from encircle.protocol.process.interrupts import Interrupted
 from encircle.studies import replays as replays_module
 from encircle.studies.command import Request, run_study
@@ -151,7 +150,8 @@ def test_what_takes_long_is_left_out_of_few(made, tmp_path):
 
 
 def test_a_run_that_fails_is_shown_as_far_as_it_comes(tmp_path, monkeypatch, capfd):
-    monkeypatch.setenv(FOLDERS, str(tmp_path))
+    # Not by the variable: the server that forks the tests' workers has the environment of its start.
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "grumpy_robots.py").write_text(GRUMPY, encoding="utf-8")
     tree = {**TREE, "axes": [], "strategies": ["xi-star", "grumpy_robots.py:grumpy"], "seeds": 2}
     study = encircle.study(tree, tmp_path / "t")
