@@ -150,7 +150,7 @@ def test_what_takes_long_is_left_out_of_few(made, tmp_path):
 
 
 def test_a_run_that_fails_is_shown_as_far_as_it_comes(tmp_path, monkeypatch, capfd):
-    # Not by the variable: the server that forks the tests' workers has the environment of its start.
+    # Not by the variable: the tests' workers have the environment in which their server began.
     monkeypatch.chdir(tmp_path)
     (tmp_path / "grumpy_robots.py").write_text(GRUMPY, encoding="utf-8")
     tree = {**TREE, "axes": [], "strategies": ["xi-star", "grumpy_robots.py:grumpy"], "seeds": 2}
