@@ -2,11 +2,13 @@
 
 import re
 import tomllib
+from importlib.metadata import PackageNotFoundError, metadata
 
 import pytest
 import yaml
 from helpers_paths import ROOT
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 
 DESCRIPTION = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -54,14 +56,30 @@ def test_the_changelog_begins_with_what_is_not_released():
     assert headings[1].split()[0] == PROJECT["version"]
 
 
+def pins():
+    """The version of each package in requirements.txt, by its name."""
+    lines = (ROOT / "requirements.txt").read_text().splitlines()
+    found = dict(line.split("==") for line in lines if not line.startswith("#"))
+    return {canonicalize_name(name): version for name, version in found.items()}
+
+
 def test_everything_that_building_and_running_need_is_pinned():
     """`make setup` builds without isolation: what builds has to be pinned with the rest."""
-    lines = (ROOT / "requirements.txt").read_text().splitlines()
-    pins = dict(line.split("==") for line in lines if not line.startswith("#"))
-    pinned = {canonicalize_name(name): version for name, version in pins.items()}
+    pinned = pins()
     extras = PROJECT["optional-dependencies"].values()
     needed = sum(extras, DESCRIPTION["build-system"]["requires"] + PROJECT["dependencies"])
     for requirement in map(Requirement, needed):
         version = pinned.get(canonicalize_name(requirement.name))
         assert version is not None, f"{requirement} is not in requirements.txt"
         assert requirement.specifier.contains(version), f"{requirement}: pinned is {version}"
+
+
+@pytest.mark.parametrize("name", sorted(pins()))
+def test_what_is_pinned_is_for_the_first_python_that_will_do(name):
+    """A system's Python 3.11 may be an early one: Debian 12 has 3.11.2."""
+    try:
+        wanted = metadata(name)["Requires-Python"] or ""
+    except PackageNotFoundError:
+        pytest.fail(f"{name} is pinned and not installed")
+    first = PROJECT["requires-python"].removeprefix(">=") + ".0"
+    assert SpecifierSet(wanted).contains(first), f"{name} needs Python {wanted}"
