@@ -18,7 +18,8 @@ from typing import Any
 import msgpack
 
 from encircle.protocol import VERSION
-from encircle.protocol.errors import MalformedMessage, OversizedMessage
+from encircle.protocol.errors import MalformedMessage
+from encircle.protocol.zenoh.answers import unpacked_answer
 
 ROUTER_KEY = "encircle/router/about"
 """No run's key looks like it: theirs go on with ``robots`` or ``world``."""
@@ -71,14 +72,7 @@ def info_replier(node: str, clock_us: Callable[[], int]) -> Callable[[], bytes]:
 
 def decode_info(payload: bytes) -> NodeInfo:
     """Decode an answer; ``OversizedMessage`` or ``MalformedMessage`` if it is none."""
-    if len(payload) > BYTES_MAX:
-        raise OversizedMessage(f"an answer of {len(payload)} bytes, at most {BYTES_MAX} may be")
-    try:
-        body = msgpack.unpackb(payload)
-    except Exception as error:  # msgpack raises ValueError, TypeError, StackError and others
-        raise MalformedMessage(f"the answer is not msgpack: {error or type(error)}") from error
-    if type(body) is not dict:
-        raise MalformedMessage("the answer is not a map")
+    body = unpacked_answer(payload, BYTES_MAX)
     versions = body.get("versions")
     if not (
         _is_text(body.get("party"))

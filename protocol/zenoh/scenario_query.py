@@ -14,6 +14,7 @@ import msgpack
 from encircle.protocol import VERSION
 from encircle.protocol.errors import MalformedMessage, OversizedMessage, WrongVersion
 from encircle.protocol.keys import is_name
+from encircle.protocol.zenoh.answers import unpacked_answer
 
 CHANNEL = "scenario"
 """The last part of the key, after ``world/``."""
@@ -76,14 +77,7 @@ def description_replier(
 
 def decode_description(payload: bytes) -> RunDescription:
     """Decode an answer; ``OversizedMessage``, ``MalformedMessage`` or ``WrongVersion``."""
-    if len(payload) > BYTES_MAX:
-        raise OversizedMessage(f"an answer of {len(payload)} bytes, at most {BYTES_MAX} may be")
-    try:
-        body = msgpack.unpackb(payload)
-    except Exception as error:  # msgpack raises ValueError, TypeError, StackError and others
-        raise MalformedMessage(f"the answer is not msgpack: {error or type(error)}") from error
-    if type(body) is not dict:
-        raise MalformedMessage("the answer is not a map")
+    body = unpacked_answer(payload, BYTES_MAX)
     if body.get("v") != VERSION:
         raise WrongVersion(f"the world speaks version {body.get('v')!r:.20}, not {VERSION}")
     run, seed, setups = (body.get(name) for name in ("run", "seed", "setups"))
