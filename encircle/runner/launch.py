@@ -260,8 +260,8 @@ class _Launch:
             )
             silence_s = time.monotonic() - self.last_report_s if self.begun else 0.0
             s_max = max(0.0, self.timeouts.silence_s_max - silence_s)
-            done, waiting = await asyncio.wait(
-                waiting,
+            done, _ = await asyncio.wait(
+                waiting | {reader for reader in readers if not reader.done()},
                 timeout=STOP_S_MAX
                 if ending
                 else min(s_max, FAILURE_GRACE_S)
@@ -269,7 +269,8 @@ class _Launch:
                 else s_max,
                 return_when=asyncio.FIRST_COMPLETED,
             )
-            if ending and not done:
+            waiting = {future for future in waiting if not future.done()}
+            if (ending and not done) or any(map(_has_failed, readers)):
                 break
             # The world speaks up when a robot does not answer; nobody does when the world hangs.
             silence_s = time.monotonic() - self.last_report_s
@@ -280,9 +281,12 @@ class _Launch:
                 break
         await self._stop_all()
         # All have ended, and what they said last is there to be read.
-        await asyncio.wait(readers, timeout=self.timeouts.answer_s_max)
-        for reader in readers:
+        read, late = await asyncio.wait(readers, timeout=self.timeouts.answer_s_max)
+        for reader in late:
             reader.cancel()
+        for reader in read:
+            # What cannot be understood, or fails in whoever is told of it, is no silence.
+            reader.result()
 
     def _has_ended(self, name: str) -> bool:
         return self.processes[name].returncode is not None
@@ -433,6 +437,10 @@ class _Launch:
             else ""
         )
         return f"robot {name} {_ending(status)}{last}"
+
+
+def _has_failed(task: "asyncio.Task[None]") -> bool:
+    return task.done() and task.exception() is not None
 
 
 def _ending(status: int | None) -> str:

@@ -11,11 +11,14 @@ environment: then each line begins with what kind of line it is.
 
 import os
 import sys
+import threading
 from collections.abc import Callable
 from enum import StrEnum
+from typing import TextIO
 from unicodedata import category
 
 LINES_MAX = 50
+_ONE_AT_A_TIME = threading.RLock()
 KINDS_VARIABLE = "ENCIRCLE_LINE_KINDS"
 
 
@@ -58,14 +61,25 @@ def printable_lines(text: str) -> str:
 def say(*lines: str) -> None:
     """Lines to standard output."""
     for line in lines:
-        print(printable(line), flush=True)
+        write_line(sys.stdout, printable(line))
 
 
 def say_error(*lines: str, kind: LineKind = LineKind.PROBLEM) -> None:
     """Lines to standard error."""
     before = f"{kind}{_AFTER_KIND}" if KINDS_VARIABLE in os.environ else ""
     for line in lines:
-        print(before + printable(line), file=sys.stderr, flush=True)
+        write_line(sys.stderr, before + printable(line))
+
+
+def write_line(stream: TextIO | None, line: str) -> None:
+    """Write one line; lines of several threads never mix. Without a stream nothing happens.
+
+    ``print`` writes the line's end apart, so that another thread's line may come between.
+    """
+    if stream is not None:
+        with _ONE_AT_A_TIME:
+            stream.write(f"{line}\n")
+            stream.flush()
 
 
 def bounded_log(lines_max: int = LINES_MAX) -> Callable[[str], None]:

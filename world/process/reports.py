@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from encircle.protocol.process.log import say_error
+from encircle.protocol.process.log import say_error, write_line
 
 Reporter = Callable[[dict[str, Any]], None]
 PERIOD_S = 1.0
@@ -20,7 +20,7 @@ SHOWN_MAX = 6
 def report_as_json(event: dict[str, Any]) -> None:
     """One JSON object to standard output; that the reader is gone is no reason to fail."""
     try:
-        print(json.dumps(event), flush=True)
+        write_line(sys.stdout, json.dumps(event))
     except BrokenPipeError:
         sys.stdout = None
 

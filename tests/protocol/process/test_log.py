@@ -1,5 +1,10 @@
 """The log for strangers' messages ends, and says so."""
 
+import json
+import subprocess
+import sys
+from types import SimpleNamespace
+
 import pytest
 
 from encircle.protocol.process.log import (
@@ -8,6 +13,7 @@ from encircle.protocol.process.log import (
     LineKind,
     bounded_log,
     kind_and_text,
+    say,
     say_error,
 )
 
@@ -54,3 +60,27 @@ def test_a_starter_that_asks_for_it_is_told_what_kind_a_line_is(kind, capsys, mo
 @pytest.mark.parametrize("line", ["Traceback: x", "", "event", "refusals\tx", "\tx"])
 def test_a_line_without_a_kind_is_a_problem(line):
     assert kind_and_text(line) == (LineKind.PROBLEM, line)
+
+
+@pytest.mark.parametrize(("name", "tell"), [("stdout", say), ("stderr", say_error)])
+def test_a_line_is_one_write_so_that_lines_of_several_threads_stay_whole(monkeypatch, name, tell):
+    writes = []
+    stream = SimpleNamespace(write=writes.append, flush=lambda: None)
+    monkeypatch.setattr(sys, name, stream)
+    tell("one", "two")
+    assert writes == ["one\n", "two\n"]
+
+
+def test_reports_that_several_threads_print_at_once_stay_whole():
+    program = """
+import sys, threading
+from encircle.world.process.reports import report_as_json
+sys.setswitchinterval(1e-6)
+report = lambda: [report_as_json({"tick": n}) for n in range(2000)]
+threads = [threading.Thread(target=report) for _ in range(4)]
+[thread.start() for thread in threads]
+[thread.join() for thread in threads]
+"""
+    out = subprocess.check_output([sys.executable, "-c", program], text=True)
+    ticks = [json.loads(line)["tick"] for line in out.splitlines()]
+    assert sorted(ticks) == sorted([*range(2000)] * 4)

@@ -197,6 +197,21 @@ def test_a_robot_that_dies_before_the_run_has_begun_is_named(monkeypatch):
         encircle.run("sim1", start_order=("r1", "world", "r2", "r3", "r4"))
 
 
+@pytest.mark.parametrize("said", ["listening", "tick", "result"])
+def test_an_error_in_whoever_is_told_how_far_it_is_ends_the_run_and_is_raised(said):
+    pids: dict[str, int] = {}
+
+    def follow(report):
+        pids.update(report.get("started", {}))
+        if said in report:
+            raise ZeroDivisionError(f"in my own progress: {said}")
+
+    with pytest.raises(ZeroDivisionError, match=f"in my own progress: {said}"):
+        encircle.run("sim1" if said == "result" else endless(), progress=follow)
+    assert len(pids) > 3
+    until(lambda: not any(map(is_alive, pids.values())), "the end of every process")
+
+
 def test_ctrl_c_ends_the_run_in_order(running):
     running.cli.send_signal(signal.SIGINT)
     status, text = running.end()
