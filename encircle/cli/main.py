@@ -41,6 +41,10 @@ COMMANDS = {
         "Run the paper's five simulations.", "encircle.cli.experiments", "reproduce_main"
     ),
     "study": Command("Run a study, or go on with one.", "encircle.cli.experiments", "study_main"),
+    "bundle": Command(
+        "Pack a study into a file to verify.", "encircle.bundles.commands", "bundle_main"
+    ),
+    "verify": Command("Verify a study's bundle.", "encircle.bundles.commands", "verify_main"),
     "check-policy": Command("Examine a policy of one's own.", "encircle.conformance.check_policy"),
     "robot": Command("Run one robot as this process.", "encircle.agents.__main__"),
     "world": Command("Run the world as this process.", "encircle.world.__main__"),

@@ -38,6 +38,7 @@ from encircle.protocol.plugins import (
     SHIPPED_POLICIES,
     STRATEGIES,
     TARGETS,
+    Plugin,
     installed,
 )
 from encircle.protocol.process.log import printable
@@ -327,7 +328,7 @@ class Plan(_Model):
                 for group, name in used
                 if is_in_file(name)
                 # An install from before a policy was shipped has no entry point of it.
-                or (name not in SHIPPED_POLICIES and not known[group][name].shipped)
+                or (name not in SHIPPED_POLICIES and not _is_shipped(known[group].get(name)))
             )
         )
 
@@ -348,9 +349,13 @@ class Plan(_Model):
 
     def scenario_of(self, cell: int) -> Scenario:
         """The scenario of a cell, without its seed; raises ``ScenarioError`` if it is not valid."""
+        return load(self.scenario, self.changes_of(cell))
+
+    def changes_of(self, cell: int) -> list[str]:
+        """What makes the scenario of a cell from the base scenario: ``key=value``, in order."""
         levels = zip(self.all_axes, self.cells[cell], strict=True)
         lines = [line for axis, index in levels for line in _assignments(axis.changes(index))]
-        return load(self.scenario, [*_assignments(self.set), *self.changes, *lines])
+        return [*_assignments(self.set), *self.changes, *lines]
 
     def remarks(self) -> list[str]:
         """Remarks on the cells' scenarios that a user should know before the runs, each once."""
@@ -361,6 +366,11 @@ class Plan(_Model):
         return [
             f"{line} ({_cells_text(self, cell_numbers)})" for line, cell_numbers in cells.items()
         ]
+
+
+def _is_shipped(plugin: Plugin | None) -> bool:
+    """Whether a plug-in, None if it is not installed, is one of this program's own."""
+    return plugin is not None and plugin.shipped
 
 
 def _cells_text(plan: Plan, cells: Sequence[int]) -> str:

@@ -73,6 +73,14 @@ def versions(plugins: Names = ()) -> dict[str, str]:
     return _versions(_plugin_sources(plugins).distributions)
 
 
+def plugin_files(plugins: Names) -> Files:
+    """The source files of plug-ins, and of what they import, by the names under which they count.
+
+    What comes from other installed packages is left out: it goes by its version.
+    """
+    return dict(_plugin_sources(plugins).files)
+
+
 def _versions(distributions: Iterable[str]) -> dict[str, str]:
     others = sorted(set(distributions) - set(PACKAGES))
     packages = {name: version(name) for name in (*PACKAGES, *others)}

@@ -46,7 +46,7 @@ class Trace(NamedTuple):
 
 def anchored(tree: Any, folder: Path) -> Any:
     """A scenario's tree with its traces' relative file names taken to lie in ``folder``."""
-    for _, table in _tables(tree):
+    for _, table in trace_tables(tree):
         if isinstance(table.get("file"), str):
             table["file"] = str(folder / table["file"])
     return tree
@@ -56,7 +56,7 @@ def inlined(tree: Any) -> list[str]:
     """Replace the file of every trace by its rows; returns what is wrong with them."""
     problems: list[str] = []
     read: dict[str, Trace] = {}
-    for key, table in _tables(tree):
+    for key, table in trace_tables(tree):
         if "file" not in table:
             continue
         file = table.pop("file")
@@ -125,7 +125,7 @@ def rows_of(trace: Trace, sort: str) -> dict[str, Any]:
     return table
 
 
-def _tables(tree: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+def trace_tables(tree: Any) -> Iterator[tuple[str, dict[str, Any]]]:
     """The tables of loss and delay in a scenario's tree, which may be malformed, by key."""
     channel = tree.get("channel") if isinstance(tree, dict) else None
     if not isinstance(channel, dict):

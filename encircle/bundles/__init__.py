@@ -1,0 +1,1 @@
+"""Studies as one file each, and whether such a file is what it says."""

@@ -1,0 +1,129 @@
+"""A bundle as a file: a zip whose members, their order and their dates are fixed.
+
+A bundle comes from strangers. Nothing of it is unpacked under a name that it chooses: members are
+read into memory, one at a time, and only under names that a bundle can have. What a member says of
+its own size is not believed, and what is read has limits, so that a small file cannot become a
+large one.
+"""
+
+import hashlib
+import re
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+MANIFEST, PLAN, TABLE = "bundle.json", "plan.json", "table.csv"
+REPORT, NUMBERS = "report/report.html", "report/numbers.json"
+REPORT_FOLDER, FIGURES_FOLDER = "report/", "report/figures/"
+RECORDINGS_FOLDER, POLICIES_FOLDER, TRACES_FOLDER = "recordings/", "policies/", "traces/"
+
+_PART = r"[A-Za-z0-9_][A-Za-z0-9_.\-]{0,99}"
+NAME = re.compile(
+    rf"{MANIFEST}|{PLAN}|{TABLE}|{REPORT}|{NUMBERS}"
+    rf"|report/(?:summary|comparisons)\.csv|report/figures/{_PART}\.png"
+    rf"|recordings/cell-[0-9]{{1,6}}-seed-[0-9]{{1,19}}\.mcap"
+    rf"|policies/(?:{_PART}/){{0,8}}{_PART}|traces/[0-9a-f]{{16}}\.(?:csv|parquet)"
+)
+"""The names that a bundle's members can have: none of them leads out of its directory."""
+MEMBERS_MAX = 2000
+TABLE_BYTES_MAX, MEMBER_BYTES_MAX, BUNDLE_BYTES_MAX = 2**29, 2**26, 2**30
+"""How large a table, any other member, and all of a bundle may be, packed and unpacked."""
+DATE = (1980, 1, 1, 0, 0, 0)
+LEVEL = 6
+REGULAR_FILE = 0o100644 << 16
+
+Members = Mapping[str, bytes]
+
+
+class BundleError(ValueError):
+    """A bundle that cannot be made or read; the message says which and why."""
+
+
+class NotABundle(BundleError):
+    """Something that is no bundle, or one of another format, and not an altered one."""
+
+
+def write_members(path: Path, members: Members) -> None:
+    """Write a bundle's members, sorted by name; the same members give the same bytes.
+
+    The compressed bytes are zlib's: another release of it may pack the same members otherwise.
+    """
+    _refuse_large({name: len(content) for name, content in members.items()})
+    with zipfile.ZipFile(path, "x", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as file:
+        for name in sorted(members, key=lambda name: (name != MANIFEST, name)):
+            if NAME.fullmatch(name) is None or ".." in name:
+                raise BundleError(f"{name!r}: a bundle can have no member of that name")
+            info = zipfile.ZipInfo(name, DATE)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.external_attr, info.create_system = REGULAR_FILE, 3
+            file.writestr(info, members[name])
+
+
+def read_members(path: Path) -> dict[str, bytes]:
+    """A bundle's members by name; ``BundleError`` if it is none, or has what none can have."""
+    try:
+        if path.stat().st_size > BUNDLE_BYTES_MAX:
+            raise BundleError(f"{path}: is larger than {BUNDLE_BYTES_MAX} bytes")
+        with zipfile.ZipFile(path) as file:
+            return dict(_members(path, file))
+    except OSError as error:
+        raise NotABundle(f"{path} cannot be read: {error.strerror or error}") from None
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+        raise BundleError(f"{path} is no whole bundle: {error}") from None
+    except ValueError as error:
+        raise error if isinstance(error, BundleError) else _damaged(path, error) from None
+
+
+def sha256(content: bytes) -> str:
+    """SHA-256 in hex."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def _damaged(path: Path, error: Exception) -> BundleError:
+    return BundleError(f"{path} is no whole bundle: {error}")
+
+
+def _members(path: Path, file: zipfile.ZipFile) -> Iterator[tuple[str, bytes]]:
+    infos = file.infolist()
+    names = [info.filename for info in infos]
+    if len(infos) > MEMBERS_MAX:
+        raise BundleError(f"{path}: has {len(infos)} members, at most {MEMBERS_MAX} are allowed")
+    for info in infos:
+        if NAME.fullmatch(info.filename) is None or ".." in info.filename:
+            raise BundleError(f"{path}: member {info.filename!r}: no bundle has one of that name")
+        if names.count(info.filename) > 1:
+            raise BundleError(f"{path}: member {info.filename!r}: stands twice")
+        if info.flag_bits & 0x1 or info.compress_type not in (
+            zipfile.ZIP_STORED,
+            zipfile.ZIP_DEFLATED,
+        ):
+            raise BundleError(f"{path}: member {info.filename!r}: must be plain or deflated")
+    for name in (MANIFEST, PLAN, TABLE):
+        if name not in names:
+            raise BundleError(f"{path}: has no {name}, so it is no bundle")
+    left = BUNDLE_BYTES_MAX
+    for info in infos:
+        most = min(left, bytes_max(info.filename))
+        with file.open(info) as member:
+            content = member.read(most + 1)
+        if len(content) > most:
+            raise BundleError(f"{path}: member {info.filename!r}: is larger than {most} bytes")
+        left -= len(content)
+        yield info.filename, content
+
+
+def bytes_max(name: str) -> int:
+    """How many bytes a member may have."""
+    return TABLE_BYTES_MAX if name == TABLE else MEMBER_BYTES_MAX
+
+
+def _refuse_large(sizes: Mapping[str, int]) -> None:
+    for name, size in sizes.items():
+        if size > bytes_max(name):
+            raise BundleError(f"{name}: has {size} bytes, a bundle's may have {bytes_max(name)}")
+    if sum(sizes.values()) > BUNDLE_BYTES_MAX or len(sizes) > MEMBERS_MAX:
+        raise BundleError(
+            f"{len(sizes)} members of {sum(sizes.values())} bytes: a bundle may have"
+            f" {MEMBERS_MAX} of {BUNDLE_BYTES_MAX}; give fewer --recordings"
+        )

@@ -1,0 +1,226 @@
+"""The report in a bundle, made again from plan and table, and compared number by number.
+
+Numbers are compared to nine digits, for another processor may add in another order; texts to the
+letter; figures by their pixels, for the same picture can be packed into other bytes.
+"""
+
+import base64
+import csv
+import io
+import json
+import re
+from collections.abc import Callable, Iterator
+from itertools import zip_longest
+from math import isclose
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from PIL import Image
+
+from encircle.bundles.bundle_file import FIGURES_FOLDER, NUMBERS, REPORT, REPORT_FOLDER
+from encircle.bundles.contents import Contents
+from encircle.bundles.findings import Verification
+from encircle.bundles.report_members import report_members
+from encircle.protocol.plugins import error_line
+from encircle.studies.study_table import StudyTable
+
+RELATIVE, ABSOLUTE = 1e-9, 1e-12
+BOUNDS = ("value", "low", "high")
+IMAGE = re.compile(rb"data:image/png;base64,([A-Za-z0-9+/=]*)")
+TAGS = re.compile(r"<[^>]*>")
+PIXELS_MAX = 2**26
+
+Differs = Callable[[str, Any, Any], None]
+
+
+def check_report(contents: Contents, found: Verification) -> None:
+    """Make the report again and enter what differs."""
+    if not contents.whole:
+        found.unchecked.append("the report: it cannot be made from rows that are not the plan's")
+        return
+    try:
+        made = _made(contents)
+    except Exception as error:
+        # The table is a stranger's: a run without capture may end before its limit.
+        found.differs("report", "", "a report", f"none can be made: {error_line(error)}")
+        return
+    given = {n: c for n, c in contents.members.items() if n.startswith(REPORT_FOLDER)}
+    before = found.count
+    for name in sorted({*given, *made}):
+        if name not in given:
+            found.differs(name, "", "missing", "the report has it")
+        elif name not in made:
+            found.differs(name, "", "a part of the report", "the report has none of that name")
+        elif not name.startswith(FIGURES_FOLDER):
+            _compare_texts(name, given[name], made[name], found)
+    if found.count == before:
+        count = sum(1 for _ in _leaves(json.loads(made[NUMBERS])))
+        found.agreed.append(
+            f"the report, computed again from the table: {count} numbers and sentences, its page"
+            " and its CSV files"
+        )
+    _check_figures(contents, given, made, found)
+
+
+def _made(contents: Contents) -> dict[str, bytes]:
+    folder = Path(contents.folder) / "study"
+    table = StudyTable(folder, contents.plan, {"code": contents.rows[0]["code"]})
+    try:
+        table.append(contents.rows)
+        table.merge()
+        return report_members(contents.plan, table)
+    finally:
+        table.close()
+
+
+def _compare_texts(name: str, given: bytes, made: bytes, found: Verification) -> None:
+    def differs(what: str, theirs: Any, own: Any) -> None:
+        found.differs(name, what, theirs, own)
+
+    if given == made:
+        return
+    try:
+        if name == NUMBERS:
+            _compare_trees(json.loads(given), json.loads(made), "", differs)
+        elif name == REPORT:
+            _compare_pages(given, made, differs)
+        else:
+            _compare_csv(given.decode(), made.decode(), differs)
+    except (ValueError, RecursionError, csv.Error) as error:
+        differs("", f"cannot be read: {error_line(error)}", "a part of the report")
+
+
+def _compare_trees(given: Any, made: Any, where: str, differs: Differs) -> None:
+    """Enter every leaf of two trees that differs."""
+    if isinstance(given, dict) and isinstance(made, dict):
+        for key in sorted({*given, *made}):
+            own = made.get(key, "nothing")
+            _compare_trees(given.get(key, "nothing"), own, f"{where}{key} ", differs)
+    elif isinstance(given, list) and isinstance(made, list):
+        for index, (theirs, own) in enumerate(zip_longest(given, made, fillvalue="nothing")):
+            part = BOUNDS[index] if _is_interval(made) else str(index)
+            _compare_trees(theirs, own, f"{where}{part} ", differs)
+    elif not _same(given, made):
+        differs(where.strip(), given, made)
+
+
+def _is_interval(numbers: list[Any]) -> bool:
+    plain = all(n is None or isinstance(n, int | float) or n in ("inf", "-inf") for n in numbers)
+    return len(numbers) == len(BOUNDS) and plain
+
+
+def _same(given: Any, made: Any) -> bool:
+    numbers = all(isinstance(n, int | float) and not isinstance(n, bool) for n in (given, made))
+    if numbers:
+        return isclose(given, made, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
+    return type(given) is type(made) and bool(given == made)
+
+
+def _leaves(tree: Any) -> Iterator[Any]:
+    if isinstance(tree, dict | list):
+        for part in tree.values() if isinstance(tree, dict) else tree:
+            yield from _leaves(part)
+    else:
+        yield tree
+
+
+def _compare_csv(given: str, made: str, differs: Differs) -> None:
+    theirs, own = (list(csv.reader(io.StringIO(text, newline=""))) for text in (given, made))
+    header = own[0]
+    if theirs[:1] != own[:1]:
+        differs("header", theirs[:1], own[:1])
+        return
+    for number, (line, mine) in enumerate(zip_longest(theirs[1:], own[1:]), start=2):
+        if line is None or mine is None or len(line) != len(mine):
+            differs(f"line {number}", line, mine)
+            continue
+        for column, text, right in zip(header, line, mine, strict=True):
+            if text != right and not _same_text(text, right):
+                differs(f"line {number}, {column}", text, right)
+
+
+def _same_text(given: str, made: str) -> bool:
+    try:
+        return isclose(float(given), float(made), rel_tol=RELATIVE, abs_tol=ABSOLUTE)
+    except ValueError:
+        return False
+
+
+def _compare_pages(given: bytes, made: bytes, differs: Differs) -> None:
+    """Compare the text of two pages line by line, and the pictures in them by their pixels."""
+    theirs, own = (IMAGE.sub(b"data:image", page).decode().split("\n") for page in (given, made))
+    for number, (line, mine) in enumerate(zip_longest(theirs, own), start=1):
+        if line != mine:
+            texts = _shown(line), _shown(mine)
+            if texts[0] == texts[1]:
+                texts = str(line), str(mine)
+            differs(f"line {number}", *_about_difference(*texts))
+            if len(theirs) != len(own):
+                # All that follows is moved.
+                return
+    images, own_images = (IMAGE.findall(page) for page in (given, made))
+    for number, (image, mine) in enumerate(zip_longest(images, own_images), start=1):
+        if image != mine:
+            problem = _picture_problem(_decoded(image), _decoded(mine))
+            if problem:
+                differs(f"picture {number}", problem, "the same picture")
+
+
+def _decoded(text: bytes | None) -> bytes:
+    try:
+        return base64.b64decode(text or b"", validate=True)
+    except ValueError:
+        return b""
+
+
+def _shown(line: str | None) -> str:
+    return "none" if line is None else " ".join(TAGS.sub(" ", line).split())
+
+
+def _about_difference(given: str, made: str, around: int = 60) -> tuple[str, str]:
+    """Two texts from a little before where they begin to differ."""
+    same = next(
+        (k for k, pair in enumerate(zip(given, made, strict=False)) if pair[0] != pair[1]), 0
+    )
+    start = max(0, same - around)
+    return given[start : start + 3 * around], made[start : start + 3 * around]
+
+
+def _check_figures(
+    contents: Contents, given: dict[str, bytes], made: dict[str, bytes], found: Verification
+) -> None:
+    names = [name for name in sorted(given) if name in made and name.startswith(FIGURES_FOLDER)]
+    drawn = contents.manifest["drawn_with"].get("matplotlib")
+    problems = {name: _picture_problem(given[name], made[name]) for name in names}
+    different = {name: problem for name, problem in problems.items() if problem}
+    found.numbers["figures"] = {"of": len(names), "different": len(different)}
+    if not different:
+        found.agreed.append(f"{len(names)} figures, drawn again, have the same pixels")
+    for name, problem in different.items():
+        if drawn == matplotlib.__version__:
+            found.differs(name, "", problem, "the same picture")
+        else:
+            found.unchecked.append(
+                f"{name}: drawn by matplotlib {str(drawn)[:20]}, here by {matplotlib.__version__},"
+                f" and not the same: {problem}"
+            )
+
+
+def _picture_problem(given: bytes, made: bytes) -> str:
+    """How two pictures differ; empty if they have the same pixels."""
+    if given == made:
+        return ""
+    try:
+        with (
+            Image.open(io.BytesIO(made)) as own,
+            Image.open(io.BytesIO(given), formats=["PNG"]) as it,
+        ):
+            if it.size != own.size or it.size[0] * it.size[1] > PIXELS_MAX:
+                return f"{it.size[0]} by {it.size[1]} pixels, not {own.size[0]} by {own.size[1]}"
+            one, other = (np.asarray(picture.convert("RGBA")) for picture in (it, own))
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        return f"cannot be read: {error_line(error)}"
+    pixels = int((one != other).any(axis=-1).sum())
+    return f"{pixels} of {one.shape[0] * one.shape[1]} pixels differ" if pixels else ""

@@ -1,0 +1,243 @@
+"""Rows of a bundle run once more, and its recordings looked at, in processes of their own.
+
+Code from a bundle runs in these processes alone, and only if that was asked for: then they look for
+its files first. This process compares what comes back.
+"""
+
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+
+from encircle.bundles.bundle_file import POLICIES_FOLDER, BundleError
+from encircle.bundles.bundle_plan import policy_member
+from encircle.bundles.contents import Contents
+from encircle.bundles.findings import Verification
+from encircle.bundles.recordings import RecordingFindings, RecordingJob, look_at, recording_member
+from encircle.bundles.sampling import altered_max, sampled
+from encircle.bundles.table_text import UNREPEATABLE, Row, columns_of, equal
+from encircle.protocol.plugin_files import FOLDERS, is_in_file
+from encircle.protocol.process.interrupts import signals_held
+from encircle.protocol.process.tracebacks import TRACEBACK_IN
+from encircle.runner import process_pool as pool
+from encircle.studies.tasks import FAILED, TRACEBACK, Task, run_task
+
+TASK_RUNS = 4
+NOT_REPEATED = (UNREPEATABLE, "code", "versions")
+Tell = Callable[[int, int], None]
+
+
+def do(policies: str, job: Task | RecordingJob) -> tuple[str, list[Row]] | RecordingFindings:
+    """One piece of work of a process: rows to run, or a recording to look at.
+
+    ``policies``: the folder of the bundle's policies; empty if they must not be run.
+    """
+    folders = os.environ.get(FOLDERS, "").split(os.pathsep)
+    if policies and policies not in folders:
+        os.environ[FOLDERS] = os.pathsep.join(filter(None, [policies, *folders]))
+    return look_at(job) if isinstance(job, RecordingJob) else run_task(job)
+
+
+def check_by_running(
+    contents: Contents,
+    found: Verification,
+    rows: int | None,
+    seed: int,
+    runs_files: bool,
+    workers: int,
+    tell: Tell,
+) -> None:
+    """Run a sample of rows and compare, and look at the recordings.
+
+    ``rows``: how many, None for all. ``runs_files``: whether policies in the bundle may be run.
+    """
+    plan = contents.plan
+    able, away = _cells_that_run(contents, runs_files)
+    count = len(able) * len(plan.seed_list)
+    chosen = sampled(able, plan.seed_list, count if rows is None else rows, seed) if able else []
+    there = {(row["cell"], row["seed"]): row for row in contents.rows}
+    chosen = [run for run in chosen if run in there]
+    recordings = _recording_jobs(contents, able)
+    jobs: list[Task | RecordingJob] = [*_tasks(contents, chosen, away), *recordings]
+    again: dict[tuple[int, int], Row] = {}
+    looked: list[RecordingFindings] = []
+    codes = set()
+    tell(0, len(chosen) + len(recordings))
+    for answer in _answers(jobs, workers, contents.folder if runs_files else None):
+        if isinstance(answer, RecordingFindings):
+            looked.append(answer)
+        else:
+            codes.add(answer[0])
+            again |= {(row["cell"], row["seed"]): row for row in answer[1]}
+        tell(len(again) + len(looked), len(chosen) + len(recordings))
+    different = sum(_compare_row(contents, found, there[run], again[run]) for run in chosen)
+    _say_rows(contents, found, len(chosen), different, len(able), seed)
+    _say_code(contents, found, codes if not away else set(), different)
+    _say_recordings(contents, found, looked)
+
+
+def _cells_that_run(contents: Contents, runs_files: bool) -> tuple[list[int], set[tuple[str, str]]]:
+    """The cells whose runs can be run here, and what the others lack, by group and name."""
+    able, away = [], set()
+    for cell in range(len(contents.plan.cells)):
+        needed = {
+            (group, name)
+            for group, name in contents.plan.needed(cell)
+            if not (runs_files and is_in_file(name) and policy_member(name) in contents.members)
+        }
+        away |= needed
+        if not needed:
+            able.append(cell)
+    return able, away
+
+
+def _tasks(
+    contents: Contents, chosen: Sequence[tuple[int, int]], away: set[tuple[str, str]]
+) -> Iterator[Task]:
+    plan = contents.plan
+    plugins = tuple(used for used in plan.plugins if used not in away)
+    for cell, runs in groupby(chosen, key=lambda run: run[0]):
+        seeds = [seed for _, seed in runs]
+        scenario = plan.scenario_of(cell).model_dump_json(exclude_unset=True)
+        for at in range(0, len(seeds), TASK_RUNS):
+            few = tuple(seeds[at : at + TASK_RUNS])
+            yield Task(cell, plan.levels(cell), scenario, few, plan.measure_names, plugins)
+
+
+def _recording_jobs(contents: Contents, able: Sequence[int]) -> list[RecordingJob]:
+    return [
+        RecordingJob(
+            row["cell"],
+            row["seed"],
+            contents.plan.scenario_of(row["cell"]).model_dump_json(exclude_unset=True),
+            contents.members[member],
+        )
+        for row in contents.rows
+        if row["cell"] in able
+        and (member := recording_member(row["cell"], row["seed"])) in contents.members
+    ]
+
+
+def _answers(
+    jobs: Sequence[Task | RecordingJob], workers: int, folder: Path | None
+) -> Iterator[tuple[str, list[Row]] | RecordingFindings]:
+    if not jobs:
+        return
+    policies = "" if folder is None else str(folder / POLICIES_FOLDER)
+    processes = pool.in_processes(partial(do, policies), jobs, min(workers, len(jobs)))
+    with signals_held(), closing(processes) as answers:
+        try:
+            yield from answers
+        except BrokenProcessPool:
+            raise BundleError("a process that ran rows of the bundle died") from None
+
+
+def _compare_row(contents: Contents, found: Verification, given: Row, again: Row) -> bool:
+    """Enter what differs between a row and the same run; whether anything does."""
+    name = contents.row_name(given["cell"], given["seed"])
+    before = found.count
+    for column in columns_of(contents.plan):
+        if column in NOT_REPEATED or column == TRACEBACK:
+            continue
+        mine, theirs = again[column], given[column]
+        if column == FAILED:
+            # Where the traceback was saved is another place on each machine.
+            mine, theirs = (text.partition(TRACEBACK_IN)[0] for text in (mine, theirs))
+        if not equal(mine, theirs):
+            found.differs(name, column, theirs, mine)
+    return found.count > before
+
+
+def _say_rows(
+    contents: Contents, found: Verification, run: int, different: int, cells: int, seed: int
+) -> None:
+    plan = contents.plan
+    seeds, all_rows = len(plan.seed_list), len(contents.rows)
+    could = cells * seeds
+    found.numbers["rows"] = {"of": all_rows, "rerun": run, "different": different, "seed": seed}
+    if could < plan.runs:
+        lacking = sorted({name for c in range(len(plan.cells)) for _, name in plan.needed(c)})
+        in_files = any(is_in_file(name) for name in lacking)
+        hint = "; --run-policies runs those in the bundle, read them first" if in_files else ""
+        found.unchecked.append(
+            f"{plan.runs - could} of {plan.runs} rows: they need {', '.join(lacking)}, which is"
+            f" code that was not run, or is not here{hint}"
+        )
+    measures = len(plan.measure_names)
+    if run and not different:
+        found.agreed.append(
+            f"{run} of {all_rows} rows were rerun: their digests and all {measures} measures are"
+            " equal"
+        )
+    if run < could and not different:
+        most = altered_max(cells, seeds, run) if run else could
+        share = most / could
+        found.numbers["rows"]["altered_max"] = most
+        found.unchecked.append(
+            f"{could - run} of {could} rows were not rerun (--seed {seed} draws the same; --all"
+            f" runs all): altered rows may have escaped, at most {most} ({100.0 * share:.3g} %) with"
+            " 95 % confidence"
+        )
+    found.unchecked.append(f"{UNREPEATABLE}, how long a run took, is another each time")
+
+
+def _say_code(contents: Contents, found: Verification, codes: set[str], different: int) -> None:
+    """Whether the code and versions here are those of the bundle, as far as that is known."""
+    row = contents.rows[0] if contents.rows else None
+    if row is None:
+        return
+    note = "; the rows that differ may do so for this reason" if different else ""
+    if codes and codes != {row["code"]}:
+        here = ", ".join(sorted(codes))
+        found.unchecked.append(f"the code: here it is {here}, the bundle's is {row['code']}{note}")
+    elif codes:
+        found.agreed.append(f"the code here is that of the bundle, {row['code']}")
+    else:
+        found.unchecked.append("the code: its digest here is not known, as not all of it was run")
+
+
+def _say_recordings(
+    contents: Contents, found: Verification, looked: Sequence[RecordingFindings]
+) -> None:
+    digests = {(row["cell"], row["seed"]): row["digest"] for row in contents.rows}
+    other_versions = 0
+    before = found.count
+    for one in sorted(looked, key=lambda one: one[:2]):
+        member = recording_member(one.cell, one.seed)
+        for what, given, recomputed in one.differences:
+            found.differs(member, what, given, recomputed)
+        if one.digest != digests[one.cell, one.seed]:
+            found.differs(member, "digest of its run", digests[one.cell, one.seed], one.digest)
+        other_versions += not one.same_bytes and not one.differences
+    there = sum(name.endswith(".mcap") for name in contents.members)
+    found.numbers["recordings"] = {"of": there, "replayed": len(looked)}
+    if looked and found.count == before:
+        decisions = sum(one.decisions for one in looked)
+        found.agreed.append(
+            f"{len(looked)} recordings are those of their runs, made again; fresh brains decide the"
+            f" same on them ({decisions} messages)"
+        )
+    if other_versions:
+        found.unchecked.append(
+            f"{other_versions} recordings were made by other versions: their messages are the same,"
+            " the rest of the files was not compared"
+        )
+    if len(looked) < there:
+        found.unchecked.append(f"{there - len(looked)} recordings: their runs cannot be run here")
+
+
+def versions_text(contents: Contents) -> str:
+    """The versions that computed the rows, of which some are others here; empty if none is."""
+    from encircle.studies.sources import versions
+
+    try:
+        theirs = json.loads(contents.rows[0]["versions"])
+        own = versions()
+        others = [f"{k} {theirs[k]} (here {own[k]})" for k in own if theirs.get(k) != own[k]]
+    except (ValueError, IndexError, AttributeError, KeyError):
+        return "versions that cannot be read"
+    return ", ".join(others)
