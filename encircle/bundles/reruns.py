@@ -179,8 +179,8 @@ def _say_rows(
         found.numbers["rows"]["altered_max"] = most
         found.unchecked.append(
             f"{could - run} of {could} rows were not rerun (--seed {seed} draws the same; --all"
-            f" runs all): altered rows may have escaped, at most {most} ({100.0 * share:.3g} %) with"
-            " 95 % confidence"
+            f" runs all): altered rows may have escaped, at most {most} ({100.0 * share:.3g} %)"
+            " with 95 % confidence"
         )
     found.unchecked.append(f"{UNREPEATABLE}, how long a run took, is another each time")
 
