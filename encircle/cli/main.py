@@ -41,6 +41,7 @@ COMMANDS = {
         "Run the paper's five simulations.", "encircle.cli.experiments", "reproduce_main"
     ),
     "study": Command("Run a study, or go on with one.", "encircle.cli.experiments", "study_main"),
+    "benchmark": Command("Score a policy beside those shipped.", "encircle.benchmark.command"),
     "bundle": Command(
         "Pack a study into a file to verify.", "encircle.bundles.commands", "bundle_main"
     ),

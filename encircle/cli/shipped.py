@@ -46,7 +46,11 @@ def listed_studies() -> list[Listed]:
 
 def _runs(tree: Mapping[str, Any]) -> int:
     """How many runs a study has: every combination of its levels, with every seed."""
-    seeds = tree["seeds"] if isinstance(tree["seeds"], int) else len(tree["seeds"])
+    seeds = tree["seeds"]
+    if isinstance(seeds, str):
+        first, last = map(int, seeds.split("-"))
+        seeds = last - first + 1
+    seeds = seeds if isinstance(seeds, int) else len(seeds)
     cells = prod(map(_levels, tree.get("axes", ())))
     return cells * max(1, len(tree.get("strategies", ()))) * seeds
 

@@ -140,5 +140,7 @@ def show(answer: dict[str, Any], as_json: bool) -> None:
     say(f"{answer['runs']} runs in {answer['cells']} cells, {answer['ran']} of them now")
     for sentence in answer["findings"]:
         say(f"- {sentence}")
+    if "page" in answer:
+        say(f"page    {answer['page']}")
     say(f"report  {answer['report']}")
     say(f"table   {Path(answer['out']) / 'table.parquet'}")

@@ -40,7 +40,7 @@ def test_every_shipped_study_can_be_run(name):
 def test_the_shipped_studies_are_those_that_the_readme_names():
     assert set(shipped_studies()) == {
         *("loss", "delay", "loss-delay", "burst", "range", "staleness", "team", "fusion", "fig7"),
-        *("faster-target", "negotiation"),
+        *("faster-target", "negotiation", "benchmark"),
     }
 
 
@@ -188,7 +188,7 @@ def test_a_problem_of_many_cells_is_told_once_with_where_it_first_is():
 
 
 def test_files_that_are_no_studies(tmp_path):
-    with pytest.raises(StudyError, match="neither a file nor one of: burst, delay"):
+    with pytest.raises(StudyError, match="neither a file nor one of: benchmark, burst, delay"):
         load_plan("nothing")
     broken = tmp_path / "broken.toml"
     broken.write_text("scenario = ")
