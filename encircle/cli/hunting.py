@@ -123,7 +123,8 @@ def hunt_and_draw(
 ) -> None:
     """Run or resume a hunt, draw it, and show what came of it; raises as ``encircle.run``.
 
-    ``draw`` makes the picture of a run, or nothing if it has to be made here.
+    Raises ``ServerFailed``, too, if its page cannot be served. ``draw`` makes the picture of a run,
+    or nothing if it has to be made here.
     """
     if request.show is None:
         _hunt_and_draw(request, as_json, draw, None)
@@ -131,14 +132,11 @@ def hunt_and_draw(
     # Imported late: only who asks for a page needs its server.
     from encircle.runner.interventions import Interventions
     from encircle.viewer.hunt_show import HuntShow
-    from encircle.viewer.server import ServerFailed
 
     onlooker = HuntShow(request.show, request.link == "memory", Interventions())
     try:
         _hunt_and_draw(request, as_json, draw, onlooker)
         _stay(onlooker)
-    except ServerFailed as error:
-        raise RunFailed(str(error)) from None
     finally:
         onlooker.stop()
 

@@ -28,8 +28,6 @@ def main(arguments: Sequence[str], program: str) -> int:
     settings = options.parse(arguments)
     _check(settings, options)
     shown = show_options(settings, program)
-    from encircle.viewer.server import ServerFailed
-
     stop = threading.Event()
 
     def interrupt(name: str) -> None:
@@ -37,13 +35,9 @@ def main(arguments: Sequence[str], program: str) -> int:
             say_error(f"encircle: stopped by {name}")
         stop.set()
 
-    try:
-        if settings.run_directory is not None:
-            return _watch_recording(settings.run_directory, shown, interrupt, stop.is_set)
-        return _watch_run(settings, options, shown, interrupt, stop.is_set)
-    except ServerFailed as error:
-        say_error(f"encircle: {error}")
-    return 1
+    if settings.run_directory is not None:
+        return _watch_recording(settings.run_directory, shown, interrupt, stop.is_set)
+    return _watch_run(settings, options, shown, interrupt, stop.is_set)
 
 
 def _watch_recording(

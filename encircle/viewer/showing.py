@@ -19,8 +19,10 @@ from encircle.protocol.process.log import say_error
 from encircle.scene.builder import frames_of_recording
 from encircle.scene.frame import Frame
 from encircle.scene.stage import Stage
+from encircle.viewer.addresses import LOOPBACK
+from encircle.viewer.handlers import Taken
 from encircle.viewer.history import History
-from encircle.viewer.server import LOOPBACK, PageServer, Taken
+from encircle.viewer.server import PageServer
 from encircle.world.recording.recording import Recording
 
 TAKE_S = 0.2
@@ -82,7 +84,7 @@ class Show:
         if s_max is None:
             s_max = START_S_MAX if self._has_browser else 0.0
         until_s = time.monotonic() + s_max
-        while not self.server.pages and not stopped() and time.monotonic() < until_s:
+        while not self.server.site.pages and not stopped() and time.monotonic() < until_s:
             time.sleep(STEP_S)
 
     def feed(self, feed: Feed, stopped: Callable[[], bool] = lambda: False) -> Status:
@@ -106,12 +108,12 @@ class Show:
 
         ``awaits_page``: that no page was opened yet does not count as none being open any more.
         """
-        end, server = self._options.end, self.server
+        end, site = self._options.end, self.server.site
         over_s = time.monotonic()
         while not stopped() and end is not WatchEnd.RUN:
-            unseen_s = time.monotonic() - max(over_s, server.last_closed_s)
-            may_end = server.opened > 0 or not awaits_page
-            if end is WatchEnd.CLOSED and not server.pages and may_end and unseen_s > UNSEEN_S:
+            unseen_s = time.monotonic() - max(over_s, site.last_closed_s)
+            may_end = site.opened > 0 or not awaits_page
+            if end is WatchEnd.CLOSED and not site.pages and may_end and unseen_s > UNSEEN_S:
                 return
             time.sleep(STEP_S)
 
