@@ -27,6 +27,7 @@ from encircle.exports.rerun_blueprint import blueprint
 from encircle.exports.rerun_columns import RerunColumns
 from encircle.protocol.process.interrupts import check
 from encircle.scene.builder import scene_of_recording
+from encircle.scene.counts import counted
 from encircle.scene.frame import Event, Frame
 from encircle.scene.stage import Stage
 from encircle.world.recording.recording import Recording
@@ -129,10 +130,12 @@ def description(stage: Stage) -> str:
         "target": stage.behaviour,
         "channel": "; ".join(stage.channel) or "ideal",
         "tick": f"{stage.tick_s:g} s ({stage.clock})",
-        "captures": f"{stage.capture_count} robots within {stage.stop_distance_m:g} m",
+        "captures": f"{counted(stage.capture_count, 'robot')} within {stage.stop_distance_m:g} m",
     }
     lines = [f"| {name} | {value} |" for name, value in rows.items()]
-    return "\n".join([f"# {stage.title}", "", "| | |", "|---|---|", *lines, "", *LEGEND])
+    return "\n".join(
+        [f"# {stage.title or stage.run}", "", "| | |", "|---|---|", *lines, "", *LEGEND]
+    )
 
 
 def _send_scene(

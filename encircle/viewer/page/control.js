@@ -220,7 +220,7 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
         text = `${shown(value / about.perUnit)} ${about.unit}`;
         if (about.kind === "delay") {
           const ticks = Math.max(1, Math.ceil(value / this.tickS - 1e-9));
-          text += ` (${ticks} tick${ticks > 1 ? "s" : ""})`;
+          text += ` (${page.counted(ticks, "tick")})`;
         }
         if (isOwn) text += about.kind === "delay" ? "" : " (scenario)";
       }
@@ -254,7 +254,7 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       case "delay": return event.delay_s === undefined ? "delay as the scenario has it" : `delay ${shown(event.delay_s)} s`;
       case "range": return event.range_m === undefined ? "range as the scenario has it" : `range ${shown(event.range_m)} m`;
       case "partition": return `cut ${event.groups.map((group) => group.join(", ")).join(" | ")}`;
-      case "silence": return `${event.robot} silent` + (event.ticks ? ` for ${event.ticks} ticks` : "");
+      case "silence": return `${event.robot} silent` + (event.ticks ? ` for ${page.counted(event.ticks, "tick")}` : "");
       case "move-target": return `target to (${event.position.map(shown).join(", ")}) m`;
       case "heal": return "cuts and silences end";
       default: return event.kind;

@@ -41,7 +41,7 @@
       const age = this.ages[receiver][sender];
       if (age < 0) return `${robots[receiver]} has nothing of ${robots[sender]}`;
       const s = (age * this.stage.tick_s).toFixed(1);
-      return `${robots[receiver]} has of ${robots[sender]}: ${age} ticks old (${s} s)`;
+      return `${robots[receiver]} has of ${robots[sender]}: ${page.counted(age, "tick")} old (${s} s)`;
     }
 
     /* Shows the ages of a frame. */
