@@ -97,11 +97,12 @@ class Show:
 
     def recording(self, recording: Recording, stopped: Callable[[], bool]) -> None:
         """Show a recording, its first frames while the others are made; ``RecordingError``."""
-        status = {"state": "ended", "complete": recording.complete}
         for frames in batched(frames_of_recording(recording)):
-            self.history.add(frames, status)
+            self.history.add(frames)
             if stopped():
                 return
+        # How it ended is known when no frame will follow.
+        self.history.add([], {"state": "ended", "complete": recording.complete})
 
     def stay(self, stopped: Callable[[], bool], awaits_page: bool = False) -> None:
         """Serve on until ``stopped``, or until the options say so.

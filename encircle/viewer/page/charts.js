@@ -6,7 +6,7 @@
   const LINES_MAX = 16;
   const LEFT_PX = 44;
   const RIGHT_PX = 10;
-  const ROOM = 1.25; // A live run's time axis grows by this, not with every tick.
+  const ROOM = 1.25; // The time axis of what goes on grows by this, not with every tick.
   const SPAN_S_MIN = 2;
   const FILL_MS_MIN = 500; // A chart takes in what comes live no more often than this,
   const TURN_MS = 50; // and the next chart so much later.
@@ -67,7 +67,7 @@
 
     endOf(model) {
       const s = model.lastTick * model.stage.tick_s;
-      if (model.status.state !== "running") return Math.max(s, model.stage.tick_s);
+      if (model.status.state === "ended") return Math.max(s, model.stage.tick_s);
       return s <= this.end ? this.end : Math.max(SPAN_S_MIN, s * ROOM);
     }
 
@@ -210,7 +210,7 @@
     update(model, time, moment) {
       if (model.version !== this.version) this.build(model);
       this.fillInTime(model);
-      if (model.status.state !== "running") for (const panel of this.panels) panel.range.end = this.endOf(model);
+      if (model.status.state === "ended") for (const panel of this.panels) panel.range.end = this.endOf(model);
       for (const { chart, value } of this.panels) {
         page.setText(value, chart.read(this.values(chart, moment.frame)));
       }

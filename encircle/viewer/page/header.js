@@ -12,6 +12,7 @@
     if (captured !== null && tick >= captured) return { kind: "captured", text: `captured at ${at(captured)}` };
     if (captured !== null) return { kind: "open", text: `not yet captured; capture at ${at(captured)}` };
     if (status.state === "running") return { kind: "open", text: "hunting" };
+    if (status.state === "waiting") return { kind: "open", text: "reading the recording" };
     if (!status.complete) return { kind: "cut", text: `cut off at ${at(lastTick)}` };
     const s = (lastTick * stage.tick_s).toFixed(1);
     return { kind: "missed", text: `no capture in ${page.counted(lastTick, "tick")} (${s} s)` };

@@ -39,9 +39,9 @@
       const { robots } = this.stage;
       if (receiver === sender) return robots[receiver];
       const age = this.ages[receiver][sender];
-      if (age < 0) return `${robots[receiver]} has nothing of ${robots[sender]}`;
+      if (age < 0) return `no packet of ${robots[sender]} has reached ${robots[receiver]}`;
       const s = (age * this.stage.tick_s).toFixed(1);
-      return `${robots[receiver]} has of ${robots[sender]}: ${page.counted(age, "tick")} old (${s} s)`;
+      return `newest packet of ${robots[sender]} that has reached ${robots[receiver]}: ${page.counted(age, "tick")} old (${s} s)`;
     }
 
     /* Shows the ages of a frame. */

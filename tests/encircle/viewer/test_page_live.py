@@ -112,6 +112,21 @@ def test_a_replay_from_a_server_waits_at_its_start(seen, served):
     assert "cut off" in state["notice"]
 
 
+def test_a_recording_that_is_still_being_read_says_nothing_of_its_end(seen, served):
+    stage, frames = shown()
+    served.send(stage=stage, frames=frames[:6], status={"state": "waiting"})
+    seen.until("encircle.state().last_tick === 5")
+    assert seen.state()["outcome"] == "reading the recording"
+    seen.do("play()").until("encircle.state().time === 5")
+    assert seen.state()["playing"], "it waits for what is read next"
+    served.send(frames=frames[6:])
+    served.send(status={"state": "ended", "complete": True})
+    last = len(frames) - 1
+    seen.until(f"encircle.state().time === {last} && !encircle.state().playing")
+    assert seen.state()["outcome"] != "reading the recording"
+    assert seen.complaints == []
+
+
 def test_who_comes_late_sees_what_is_left_and_that_something_is_not(seen, served):
     stage, frames = shown()
     served.send(stage=stage, frames=frames[10:20], status=RUNNING)
