@@ -212,7 +212,7 @@ def trace_main(arguments: Sequence[str], program: str) -> int:
 def _options(program: str, description: str) -> Options:
     options = Options(program, description, environment=False)
     options.add(
-        "run", "a run's directory or its recording", read=Path, metavar="RUN", required=True
+        "run", "a recorded run's directory or recording", read=Path, metavar="RUN", required=True
     )
     options.add_flag("--json", "print one JSON object")
     return options

@@ -27,7 +27,7 @@ def main(arguments: Sequence[str], program: str) -> int:
     options = _options(program)
     settings = options.parse(arguments)
     _check(settings, options)
-    shown = show_options(settings, program)
+    shown = show_options(settings, "watch")
     stop = threading.Event()
 
     def interrupt(name: str) -> None:
@@ -109,6 +109,15 @@ def _check(settings: Namespace, options: Options) -> None:
             f"{settings.run_directory} is a recording: --connect, --listen and --run do not go"
             " with it"
         )
+    elif not settings.run_directory.exists():
+        # Imported late: whoever names a recording need not wait for scenarios.
+        from encircle.world.loading.files import shipped
+
+        if str(settings.run_directory) in shipped():
+            options.error(
+                f"{settings.run_directory} is a scenario, not a recording:"
+                f" encircle run {settings.run_directory} --watch"
+            )
 
 
 def _options(program: str) -> Options:

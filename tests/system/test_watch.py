@@ -54,6 +54,7 @@ def started(tmp_path):
         ((), 2, "give a recorded RUN, or --connect ENDPOINT and --run NAME"),
         (("--connect", "tcp/127.0.0.1:1"), 2, "--run is missing"),
         (("RECORDED", "--run", "x"), 2, "is a recording: --connect, --listen and --run do not go"),
+        (("sim1",), 2, "sim1 is a scenario, not a recording: encircle run sim1 --watch"),
         (("nowhere",), 2, "nowhere cannot be read: No such file or directory"),
         (("RECORDED", "--port", "0"), 2, "--port: '0' is not a whole number from 1 to 65535"),
         (("RECORDED", "--host", "a b"), 2, "'a b' is not an address or name of this machine"),

@@ -8,6 +8,7 @@ from helpers_exports import lossy_hunt
 
 from encircle.cli.exporting import FORMATS, main
 from encircle.exports import video
+from encircle.exports.refused_option import OptionRefused
 from encircle.exports.video import VideoError, export_gif, export_mp4, export_png
 from encircle.protocol.process.interrupts import Interrupted
 from encircle.runner.hunts import run
@@ -128,7 +129,7 @@ def test_a_belief_makes_another_video(tmp_path):
     ],
 )
 def test_options_that_cannot_be_are_named(tmp_path, options, words):
-    with pytest.raises(VideoError) as refused:
+    with pytest.raises(OptionRefused) as refused:
         export_mp4(lossy_hunt(), tmp_path / "a.mp4", **options)
     assert str(refused.value).startswith(words)
     assert "\n" not in str(refused.value)
@@ -144,7 +145,7 @@ def test_a_video_that_would_never_end_is_refused(tmp_path, monkeypatch):
 def test_what_robots_believed_by_the_clock_is_not_known(tmp_path):
     recording = lossy_hunt()
     by_clock = recording.scenario.model_copy(update={"clock": "wall"})
-    with pytest.raises(VideoError, match="belief r1: of a run by the clock"):
+    with pytest.raises(OptionRefused, match="belief r1: of a run by the clock"):
         export_mp4(replace(recording, scenario=by_clock), tmp_path / "a.mp4", belief="r1")
 
 
@@ -178,11 +179,17 @@ def test_the_command_takes_the_options_of_videos(tmp_path, capsys):
     assert len(pictures) == 6 + 10
     for wrong, words in (
         (["--to", "mp4", "--fps", "many"], "--fps many: must be a number"),
+        (["--to", "mp4", "--fps", "500"], "--fps 500: must be from 1 to 120"),
+        (["--to", "gif", "--belief", "r9"], "--belief r9: no such robot; there are r1, r2"),
+        (["--to", "gif", "--option", "belief=r9"], "--option belief=r9: no such robot"),
+        (["--to", "png", "--tick", "4"], "--tick 4: must be from 0 to 3"),
+        (["--to", "png", "--option", "tick=4"], "--option tick=4: must be from 0 to 3"),
+        (["--to", "png", "--size", "9x9"], "--size 9x9: must be from 480x270"),
         (["--to", "parquet", "--fps", "3"], "--fps 3: --to parquet has no such option"),
     ):
         with pytest.raises(SystemExit):
             main([str(out), *wrong, "--out", str(tmp_path / "other")], "encircle export")
-        assert words in capsys.readouterr().err
+        assert capsys.readouterr().err.startswith(f"encircle export: error: {words}")
     assert not (tmp_path / "other").exists()
 
 
@@ -221,5 +228,5 @@ def test_a_picture_is_that_of_its_tick_in_the_video(tmp_path):
 
 @pytest.mark.parametrize("tick", [-1.0, 24.5, float("nan")])
 def test_a_tick_that_the_run_does_not_have(tmp_path, tick):
-    with pytest.raises(VideoError, match=f"tick {tick:g}: must be from 0 to 24"):
+    with pytest.raises(OptionRefused, match=f"tick {tick:g}: must be from 0 to 24"):
         export_png(lossy_hunt(), tmp_path / "a.png", tick=tick)

@@ -299,4 +299,4 @@ def test_without_rosbags_a_line_says_what_to_install():
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert done.returncode == 2
-    assert done.stderr == 'encircle: encircle ros2 needs rosbags: pip install "encircle[ros2]"\n'
+    assert done.stderr == 'encircle: ros2 needs rosbags: pip install "encircle[ros2]"\n'
