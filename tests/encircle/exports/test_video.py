@@ -1,10 +1,13 @@
 """Videos, read back by PyAV and Pillow: pictures, lengths, sizes, colours; and what is refused."""
 
+import os
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers_exports import lossy_hunt
+from helpers_waiting import completed
 
 from encircle.cli.exporting import FORMATS, main
 from encircle.exports import video
@@ -105,6 +108,18 @@ def test_equal_recordings_make_equal_files(tmp_path, export, name):
         (tmp_path / folder).mkdir()
         export(lossy_hunt(), tmp_path / folder / name, size=SMALL, fps=4.0)
     assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_a_video_does_not_depend_on_what_was_in_memory_before(tmp_path):
+    """glibc fills what is allocated with this number's complement; elsewhere it does nothing."""
+    run("sim1", link="memory", overrides=["ticks_max=24"], out=tmp_path / "hunt")
+    for number in ("1", "85"):
+        out = tmp_path / f"{number}.mp4"
+        arguments = ["--to", "mp4", "--size", SMALL, "--fps", "4", "--out", str(out)]
+        command = [sys.executable, "-m", "encircle", "export", str(tmp_path / "hunt"), *arguments]
+        done = completed(command, env={**os.environ, "MALLOC_PERTURB_": number})
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "1.mp4").read_bytes() == (tmp_path / "85.mp4").read_bytes()
 
 
 def test_a_belief_makes_another_video(tmp_path):
