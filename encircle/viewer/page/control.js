@@ -32,6 +32,8 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
   }
 
   const shown = (value) => String(Number(value.toPrecision(4)));
+  const worded = (kind, value, unit) =>
+    value === undefined ? `${kind} as the scenario has it` : `${kind} ${shown(value)}\u00a0${unit}`;
 
   class Control {
     constructor(root, source, model, view) {
@@ -281,9 +283,9 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
   /* An event in a few words; what follows from it stands in the list of events. */
   function words(event) {
     switch (event.kind) {
-      case "loss": return event.rate === undefined ? "loss as the scenario has it" : `loss ${shown(100 * event.rate)}\u00a0%`;
-      case "delay": return event.delay_s === undefined ? "delay as the scenario has it" : `delay ${shown(event.delay_s)}\u00a0s`;
-      case "range": return event.range_m === undefined ? "range as the scenario has it" : `range ${shown(event.range_m)}\u00a0m`;
+      case "loss": return worded("loss", event.rate === undefined ? undefined : 100 * event.rate, "%");
+      case "delay": return worded("delay", event.delay_s, "s");
+      case "range": return worded("range", event.range_m, "m");
       case "partition": return `cut ${event.groups.map((group) => group.join(", ")).join(" | ")}`;
       case "silence": return `${event.robot} silent` + (event.ticks ? ` for ${page.counted(event.ticks, "tick")}` : "");
       case "move-target": return `target to (${event.position.map(shown).join(", ")}) m`;

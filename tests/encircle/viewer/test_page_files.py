@@ -84,3 +84,8 @@ def test_every_fate_has_words():
 
 def test_the_files_are_installed():
     assert '"encircle.viewer" = ["page/*"]' in (ROOT / "pyproject.toml").read_text()
+
+
+def test_the_site_of_the_docs_has_the_pages_icon():
+    favicon = re.search(r'(?m)^html_favicon = "(.*)"$', (ROOT / "docs/conf.py").read_text())[1]
+    assert (ROOT / "docs" / favicon).resolve() == PAGE / ICON
