@@ -15,7 +15,7 @@ from itertools import islice
 from typing import Any
 
 from encircle.live.updates import Feed, RunState, Status
-from encircle.protocol.process.log import say_error
+from encircle.protocol.process.log import printable, say_error
 from encircle.scene.builder import frames_of_recording
 from encircle.scene.frame import Frame
 from encircle.scene.stage import Stage
@@ -88,12 +88,20 @@ class Show:
             time.sleep(STEP_S)
 
     def feed(self, feed: Feed, stopped: Callable[[], bool] = lambda: False) -> Status:
-        """Show what a feed gives, until its end or until ``stopped``; how the run stood then."""
-        while True:
-            update = feed.take(TAKE_S)
-            self.history.add(update.frames, status_json(update.status))
-            if update.status.state is RunState.ENDED or stopped():
-                return update.status
+        """Show what a feed gives, until its end or until ``stopped``; how the run stood then.
+
+        What goes wrong in that is raised, and pages are told that nothing more will come.
+        """
+        try:
+            while True:
+                update = feed.take(TAKE_S)
+                self.history.add(update.frames, status_json(update.status))
+                if update.status.state is RunState.ENDED or stopped():
+                    return update.status
+        except Exception as error:
+            text = printable(f"this page shows no more of the run: {type(error).__name__}: {error}")
+            self.history.add([], {"state": "ended", "text": text, "complete": False})
+            raise
 
     def recording(self, recording: Recording, stopped: Callable[[], bool]) -> None:
         """Show a recording, its first frames while the others are made; ``RecordingError``."""
