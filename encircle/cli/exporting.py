@@ -13,7 +13,7 @@ from inspect import Parameter, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
-from encircle.cli.reading import doubts_told, read_or_tell
+from encircle.cli.reading import doubts_told, prints_elsewhere, read_or_tell
 from encircle.extras import needing
 from encircle.protocol.process.interrupts import signals_held
 from encircle.protocol.process.log import say
@@ -105,7 +105,7 @@ def main(arguments: Sequence[str], program: str) -> int:
         given = _own_options(options, export, settings.to, texts)
         recording = read_or_tell(settings.run)
         try:
-            with signals_held(), doubts_told(), made_whole(out) as unfinished:
+            with prints_elsewhere(), signals_held(), doubts_told(), made_whole(out) as unfinished:
                 export(recording, unfinished, **given)
         except OptionRefused as error:
             options.error(f"{_as_typed(texts, error.option)}: {error.problem}")

@@ -47,7 +47,7 @@ from encircle.runner.launch import free_endpoint
 from encircle.studies.report import page
 from encircle.world.arena.engine import build, initial, truth
 from encircle.world.loading.load import load
-from encircle.world.process.reports import report_as_json
+from encircle.world.process.reports import json_reports
 from encircle.world.recording.recorder import Recorder
 from encircle.world.recording.run_directory import RECORDING
 
@@ -113,7 +113,8 @@ def test_no_shell_prints_but_by_these():
 
 
 def test_json_lines_escape_by_themselves(capsys):
-    report_as_json({"result": {"ended": f"failed: {EVIL}"}})
+    with json_reports() as report:
+        report({"result": {"ended": f"failed: {EVIL}"}})
     line = capsys.readouterr().out
     assert_clean(line)
     assert json.loads(line)["result"]["ended"] == f"failed: {EVIL}"

@@ -91,12 +91,13 @@ def test_who_does_not_read_one_stream_does_not_keep_what_is_said_on_the_other(mo
 def test_reports_that_several_threads_print_at_once_stay_whole():
     program = """
 import sys, threading
-from encircle.world.process.reports import report_as_json
+from encircle.world.process.reports import json_reports
 sys.setswitchinterval(1e-6)
-report = lambda: [report_as_json({"tick": n}) for n in range(2000)]
-threads = [threading.Thread(target=report) for _ in range(4)]
-[thread.start() for thread in threads]
-[thread.join() for thread in threads]
+with json_reports() as report:
+    work = lambda: [report({"tick": n}) for n in range(2000)]
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
 """
     out = subprocess.check_output([sys.executable, "-c", program], text=True)
     ticks = [json.loads(line)["tick"] for line in out.splitlines()]
