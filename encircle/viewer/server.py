@@ -47,6 +47,11 @@ class PageServer:
         self._thread = threading.Thread(target=self._run, name="page-server", daemon=True)
 
     @property
+    def port(self) -> int:
+        """The port that it listens at, as soon as it does."""
+        return self.site.port
+
+    @property
     def address(self) -> str:
         """The address to be opened in a browser, with the token if there is control."""
         site = self.site

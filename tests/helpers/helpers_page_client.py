@@ -59,7 +59,7 @@ def flooding(address: str) -> Iterator[None]:
 async def fetched(server: PageServer, name: str, **headers: str) -> HTTPResponse:
     """What the server answers to a request for a file, whatever it is."""
     request = HTTPRequest(
-        f"http://127.0.0.1:{server.site.port}/{name}", headers=headers, request_timeout=0
+        f"http://127.0.0.1:{server.port}/{name}", headers=headers, request_timeout=0
     )
     with contextlib.closing(AsyncHTTPClient(force_instance=True)) as client:
         return await client.fetch(request, raise_error=False)
@@ -69,7 +69,7 @@ async def connected(
     server: PageServer, query: str = "", **headers: str
 ) -> WebSocketClientConnection:
     """A feed, as a page has it."""
-    request = HTTPRequest(f"ws://127.0.0.1:{server.site.port}/feed{query}", headers=headers)
+    request = HTTPRequest(f"ws://127.0.0.1:{server.port}/feed{query}", headers=headers)
     _opened.append(await websocket_connect(request))
     return _opened[-1]
 

@@ -30,7 +30,7 @@ class Served:
         self.show.server.start()
 
     def url(self, query=""):
-        return f"ws://127.0.0.1:{self.show.server.site.port}/feed{query}"
+        return f"ws://127.0.0.1:{self.show.server.port}/feed{query}"
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def answers_to(url, *said, headers=None, count=1):
 
 
 def own_origin(served):
-    return {"Origin": f"http://127.0.0.1:{served.show.server.site.port}"}
+    return {"Origin": f"http://127.0.0.1:{served.show.server.port}"}
 
 
 def test_the_token_of_the_address_lets_a_page_change_the_run(serving):

@@ -82,7 +82,7 @@ def test_the_files_of_the_page_are_served_and_nothing_else(serving):
 )
 def test_a_request_that_is_meant_for_another_website_is_refused(serving, host, code):
     server = serving()
-    named = host.replace("PORT", str(server.site.port))
+    named = host.replace("PORT", str(server.port))
 
     async def ask():
         assert (await fetched(server, "", Host=named)).code == code
@@ -286,7 +286,7 @@ def test_a_server_that_stops_tells_its_pages_and_lets_go_of_its_port(serving):
         assert await read(feed) is None
 
     run(look)
-    serving(port=server.site.port)
+    serving(port=server.port)
 
 
 def test_what_goes_wrong_in_the_server_is_one_line(serving, capsys, monkeypatch):
