@@ -25,6 +25,9 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
 
   const { element, byId, setText } = page;
 
+  /* Whether another loss, delay or range is in force from a frame's tick on. */
+  const changesRadio = ({ ev }) => ev.some(([kind]) => SLIDERS.some((about) => about.kind === kind));
+
   function button(text, title, act) {
     const made = element("button", { type: "button", title }, text);
     made.addEventListener("click", act);
@@ -83,6 +86,8 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       if (message.status) {
         this.showOver();
         // After a new connection something may have been missed.
+        this.source.send({ radio: true });
+      } else if ((message.frames || []).some(changesRadio)) {
         this.source.send({ radio: true });
       }
       const { control } = message;

@@ -83,6 +83,21 @@ def test_sliders_send_numbers_in_the_units_of_events_and_back_the_scenarios_own(
     assert seen.complaints == []
 
 
+def test_what_is_in_force_is_asked_anew_when_the_scenario_changes_the_radio(seen, served):
+    _, frames = shown()
+    served.send(frames=[frames[5] | {"ev": [["contact", "r1 and r2 touch", ["r1", "r2"]]]}])
+    served.send(frames=[frames[6] | {"ev": [["loss", "every link loses 70 % of packets", []]]}])
+    seen.until("encircle.state().events === 3")
+    seen.page.click("#control-heal")
+    said = [taken(served.heard), taken(served.heard)]
+    assert said == [{"radio": True}, {"intervene": {"kind": "heal"}}]
+    served.send(control={"radio": {"own": OWN, "now": NONE | {"rate": 0.7}, "tick_s": 0.1}})
+    seen.page.wait_for_function(
+        "document.querySelector('output[for=control-loss]').value === '70 %'"
+    )
+    assert seen.complaints == []
+
+
 def test_a_slider_moves_by_keys_and_a_refused_value_goes_back(seen, served):
     seen.page.locator("#control-loss").focus()
     seen.press("ArrowRight")
