@@ -8,6 +8,7 @@ and ``decisions``; ``modes`` as states; ``packets`` counts by fate; ``events`` a
 ``run`` as a document.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
@@ -132,10 +133,15 @@ def description(stage: Stage) -> str:
         "tick": f"{stage.tick_s:g} s ({stage.clock})",
         "captures": f"{counted(stage.capture_count, 'robot')} within {stage.stop_distance_m:g} m",
     }
-    lines = [f"| {name} | {value} |" for name, value in rows.items()]
+    lines = [f"| {name} | {_plain(str(value))} |" for name, value in rows.items()]
     return "\n".join(
-        [f"# {stage.title or stage.run}", "", "| | |", "|---|---|", *lines, "", *LEGEND]
+        [f"# {_plain(stage.title or stage.run)}", "", "| | |", "|---|---|", *lines, "", *LEGEND]
     )
+
+
+def _plain(text: str) -> str:
+    """Text that Markdown shows as it is: titles and names may hold links and images."""
+    return re.sub(r"([\\`*_{}\[\]()#!|<>~])", r"\\\1", text)
 
 
 def _send_scene(

@@ -54,7 +54,6 @@ class CommandMail:
         self._changed = threading.Condition()
         self._clock_s = clock_s
         self._newest = NewestCommand(None, 0, 0.0)
-        self._refused = 0
         self.refused = 0
 
     def put(self, command: RobotCommand) -> None:
