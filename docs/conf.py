@@ -12,6 +12,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = f"Encircle {release}"
+html_favicon = "../encircle/viewer/page/icon.svg"
 html_show_sphinx = False
 html_show_copyright = False
 pygments_dark_style = "monokai"

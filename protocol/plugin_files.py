@@ -68,6 +68,14 @@ def source_digest(function: Callable[..., Any]) -> str:
     return "" if file is None or not Path(file).is_file() else _digest(Path(file).read_bytes())
 
 
+def file_digest(name: str) -> str:
+    """SHA-256, in hex, of the file of ``path/file.py:function``; ``FileProblem`` if there is none.
+
+    It is that of the file that is named, wherever this has the function from.
+    """
+    return _digest(_bytes_of(path_of(name)))
+
+
 def path_of(name: str) -> Path:
     """The file of ``path/file.py:function``; ``FileProblem`` if there is none."""
     file = name.rpartition(":")[0]

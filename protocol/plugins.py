@@ -20,7 +20,13 @@ from pkgutil import resolve_name
 from typing import Any
 
 from encircle.protocol.messages import Point
-from encircle.protocol.plugin_files import FileProblem, function_in_file, is_in_file, source_digest
+from encircle.protocol.plugin_files import (
+    FileProblem,
+    file_digest,
+    function_in_file,
+    is_in_file,
+    source_digest,
+)
 from encircle.protocol.suggestions import did_you_mean
 from encircle.protocol.wire.limits import NUMBER_MAX
 
@@ -222,7 +228,13 @@ def policy_source(name: str) -> str:
     """
     if name in SHIPPED_POLICIES:
         return ""
-    return source_digest(Registry(STRATEGIES).named(name))
+    policy = Registry(STRATEGIES).named(name)
+    if not is_in_file(name):
+        return source_digest(policy)
+    try:
+        return file_digest(name)
+    except FileProblem as error:
+        raise PluginLoadError(str(error)) from None
 
 
 def error_line(error: BaseException) -> str:

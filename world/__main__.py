@@ -18,8 +18,10 @@ if __name__ == "__main__":
 import argparse
 import asyncio
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from encircle.protocol.process.deferred_imports import UNUSED, lazy
 from encircle.protocol.process.interrupts import exit_process
@@ -28,6 +30,9 @@ from encircle.protocol.programs.option_values import name_of, one_of, pace, seco
 from encircle.protocol.programs.options import Options, endpoints_of
 from encircle.protocol.zenoh.access_control import WORLD
 from encircle.protocol.zenoh.endpoints import CONNECT_S_MAX, ConfigurationError
+
+if TYPE_CHECKING:
+    from encircle.world.process.reports import Reporter
 
 TAKEN_BYTES_MAX = 64 * 1024
 """Poses and commands are shorter; what is longer than this does not even come in."""
@@ -38,7 +43,15 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
     options = _options(program)
     settings = options.parse(arguments)
     _check(options, settings)
-    # Imported late: a mistyped command need not wait for scipy.
+    # Imported late: a mistyped command need not wait for them.
+    from encircle.world.process.reports import ConsoleReporter, json_reports
+
+    with json_reports() if settings.json else nullcontext(ConsoleReporter()) as report:
+        return _run(options, settings, report)
+
+
+def _run(options: Options, settings: argparse.Namespace, report: "Reporter") -> int:
+    # Imported late, as scipy takes long.
     with lazy(*UNUSED):
         from encircle.protocol.process.log import bounded_log
         from encircle.protocol.zenoh.configuration import warning
@@ -46,7 +59,6 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
         from encircle.world.arena.engine import build
         from encircle.world.loading.load import load
         from encircle.world.loading.remarks import remarks_on
-        from encircle.world.process.reports import ConsoleReporter, report_as_json
         from encircle.world.process.running import run_world
         from encircle.world.process.server import ANSWER_S_MAX, JOIN_S_MAX, WorldOptions
         from encircle.world.recording.resuming import read_last, rebuild
@@ -91,7 +103,6 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
         for line in [*([notice] if notice is not None else []), *remarks]:
             say_error(f"world: {line}")
         with report_refusals("world", settings.count_refusals):
-            report = report_as_json if settings.json else ConsoleReporter()
             life = run_world(
                 arena, settings.run, where, settings.out, log, world_options, report, resumed
             )

@@ -22,6 +22,7 @@ class DirectInbox:
     def __init__(self, peers: Sequence[str]) -> None:
         self._arrived: dict[str, dict[int, tuple[int, bytes]]] = {peer: {} for peer in peers}
         self._admitted: dict[str, dict[int, None]] = {peer: {} for peer in peers}
+        self._all_before = 0
         self._all_admitted = False
 
     def add_packet(self, sender: str, sequence: int, tick: int, packet: bytes) -> None:
@@ -30,18 +31,26 @@ class DirectInbox:
         arrived[sequence] = (tick, packet)
         if len(arrived) > PENDING_MAX:
             del arrived[next(iter(arrived))]
+        if tick < self._all_before:
+            self._admit_one(sender, sequence)
 
-    def admit(self, references: Iterable[tuple[str, int]] | None) -> None:
-        """The channel admits these packets; None: all that have arrived by now."""
+    def admit(self, references: Iterable[tuple[str, int]] | None, tick: int) -> None:
+        """At a tick the channel admits these packets; None: all that were sent before it.
+
+        None may turn into these in a run, by an event that is given to it.
+        """
         if references is None:
-            self._all_admitted = True
+            self._all_before, self._all_admitted = tick, True
             return
         for sender, sequence in references:
             if sender in self._admitted:
-                admitted = self._admitted[sender]
-                admitted[sequence] = None
-                if len(admitted) > PENDING_MAX:
-                    del admitted[next(iter(admitted))]
+                self._admit_one(sender, sequence)
+
+    def _admit_one(self, sender: str, sequence: int) -> None:
+        admitted = self._admitted[sender]
+        admitted[sequence] = None
+        if len(admitted) > PENDING_MAX:
+            del admitted[next(iter(admitted))]
 
     def take(self, tick: int) -> tuple[bytes, ...]:
         """The packets that count at a tick, as their senders encoded them; each is taken once."""
@@ -51,7 +60,7 @@ class DirectInbox:
             deliverable = arrived if self._all_admitted else arrived.keys() & admitted.keys()
             for sequence in list(deliverable):
                 sent_tick, packet = arrived[sequence]
-                if sent_tick < tick:
+                if sent_tick < tick and (sent_tick < self._all_before or sequence in admitted):
                     taken.append((sent_tick, index, sequence, packet))
                     del arrived[sequence]
                     admitted.pop(sequence, None)

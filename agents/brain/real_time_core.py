@@ -116,7 +116,7 @@ class RealTimeRobotCore:
         self._arrival_us, newest = waiting[-1]
         self._take_backlog()
         for _, observation in waiting:
-            self._direct_inbox.admit(observation.admitted)
+            self._direct_inbox.admit(observation.admitted, observation.tick)
         self._count(ReceptionCount.PASSED_OVER, len(waiting) - 1)
         for arrival_us, observation in waiting[:-1]:
             self._receipts.add_observation(ReceiptKind.PASSED_OVER, observation.tick, arrival_us)

@@ -83,6 +83,7 @@ BY_HAND = [
     {"kind": "silence", "robot": "r3", "tick": 47, "ticks": 30},
     {"kind": "range", "range_m": 14.0, "tick": 50},
 ]
+CONTROL_TICK = 60
 PICTURES = {
     "loss.png": Picture("loss", "tick=20.4&theme=light"),
     "belief.png": Picture("cut", "tick=40&robot=r2&view=close&theme=light"),
@@ -117,31 +118,35 @@ def _page_of(directory: Path, name: str) -> Path:
 
 def _take_control(browser, path: Path) -> None:
     """A picture of the page of a hunt that goes on, whose radio is changed by hand."""
-    interventions, page_is_open = encircle.Interventions(), threading.Event()
+    interventions = encircle.Interventions()
     show = HuntShow(ShowOptions(browser=False, end=WatchEnd.RUN), True, interventions)
-    is_there = threading.Event()
+    # The hunt is held at its begin until the page is open, and near its end for the picture.
+    held = {tick: (threading.Event(), threading.Event()) for tick in (0, CONTROL_TICK)}
 
     def progress(report) -> None:
         show.on_report(report)
-        if "tick" in report and not is_there.is_set():
-            is_there.set()
-            page_is_open.wait()
+        for tick, (is_there, may_go_on) in held.items():
+            if report.get("tick", -1) >= tick and not is_there.is_set():
+                is_there.set()
+                may_go_on.wait()
 
     changes = ["ticks_max=75", "target.step_m_max=0.6"]
     how = {"link": "memory", "overrides": changes, "pace": 4.0}
     how |= {"interventions": interventions, "onlooker": show, "progress": progress}
     hunt = threading.Thread(target=encircle.run, args=("sim1",), kwargs=how)
     hunt.start()
-    is_there.wait()
+    held[0][0].wait()
     shown = _opened(browser, f"{show.show.server.address}#theme=light", LAPTOP)
     for event in BY_HAND:
         interventions.give(event)
-    page_is_open.set()
-    hunt.join()
-    shown.wait_for_function("() => encircle.state().last_tick === 75")
-    shown.wait_for_selector("#control-said:has-text('range 14 m')")
+    held[0][1].set()
+    held[CONTROL_TICK][0].wait()
+    shown.wait_for_function(f"() => encircle.state().last_tick >= {CONTROL_TICK - 2}")
+    shown.wait_for_selector("#control-said:has-text('range 14')")
     shown.evaluate("encircle.seek(54)")
     _take(shown, path)
+    held[CONTROL_TICK][1].set()
+    hunt.join()
     show.stop()
 
 

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from encircle.cli.reading import prints_elsewhere
 from encircle.cli.shipped import listed_studies
 from encircle.extras import needing
 from encircle.protocol.process.interrupts import Interrupted
@@ -85,7 +86,8 @@ def study_main(arguments: Sequence[str], program: str) -> int:
         settings.replays,
     )
     try:
-        answer = run_study(request)
+        with prints_elsewhere():
+            answer = run_study(request)
         if settings.name == BENCHMARK and not settings.set:
             # Imported late, as the study itself: no other study needs it.
             from encircle.benchmark.submission import write_table_page

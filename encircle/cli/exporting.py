@@ -13,7 +13,7 @@ from inspect import Parameter, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
-from encircle.cli.reading import doubts_told, read_or_tell
+from encircle.cli.reading import doubts_told, prints_elsewhere, read_or_tell
 from encircle.extras import needing
 from encircle.protocol.process.interrupts import signals_held
 from encircle.protocol.process.log import say
@@ -91,6 +91,7 @@ def main(arguments: Sequence[str], program: str) -> int:
         hint = did_you_mean(settings.to, FORMATS)
         options.error(f"--to {settings.to}: no such format{hint}; there are {', '.join(FORMATS)}")
     # Imported late: a mistyped command need not wait for the recording's reader.
+    from encircle.exports.refused_option import OptionRefused
     from encircle.whole_files import check_new, made_whole
 
     out = settings.out or default_out(settings.run, form)
@@ -100,10 +101,14 @@ def main(arguments: Sequence[str], program: str) -> int:
     check_new(out)
     with needing(f"--to {settings.to}", form.extra or None):
         export = getattr(import_module(form.module), form.function)
-        given = _own_options(options, export, settings.to, _own_texts(settings))
+        texts = _own_texts(settings)
+        given = _own_options(options, export, settings.to, texts)
         recording = read_or_tell(settings.run)
-        with signals_held(), doubts_told(), made_whole(out) as unfinished:
-            export(recording, unfinished, **given)
+        try:
+            with prints_elsewhere(), signals_held(), doubts_told(), made_whole(out) as unfinished:
+                export(recording, unfinished, **given)
+        except OptionRefused as error:
+            options.error(f"{_as_typed(texts, error.option)}: {error.problem}")
     _show(recording, settings.to, out, settings.json)
     return 0
 
@@ -163,6 +168,12 @@ def _own_texts(settings: Namespace) -> list[tuple[str, str]]:
     return texts + [("--no-packets", "packets=no")] * settings.no_packets
 
 
+def _as_typed(texts: Sequence[tuple[str, str]], key: str) -> str:
+    """One of the format's own options as it was given on the command line; the last one counts."""
+    given = [shown for shown, text in texts if text.partition("=")[0].strip() == key]
+    return given[-1] if given else key
+
+
 def _listed(known: Mapping[str, Parameter], key: str) -> str:
     if not known:
         return "no options"
@@ -192,7 +203,7 @@ def _options(program: str) -> Options:
         environment=False,
     )
     options.add(
-        "run", "a run's directory or its recording", read=Path, metavar="RUN", required=True
+        "run", "a recorded run's directory or recording", read=Path, metavar="RUN", required=True
     )
     options.add("--to", "the format", metavar="FORMAT", required=True)
     options.add(

@@ -29,7 +29,7 @@ def main(arguments: Sequence[str], program: str) -> int:
         options.error(f"--listen {settings.listen[0]}: who looks on connects")
     if not (settings.connect or settings.zenoh_config):
         options.error(f"--run {settings.run}: where? Give --connect ENDPOINT")
-    with needing(program, "export"):
+    with needing("foxglove", "export"):
         from encircle.exports.foxglove_server import ServerFailed
     from encircle.live.over_zenoh import WAIT_S_MAX, NothingToSee, ZenohFeed
     from encircle.protocol.zenoh.endpoints import ConfigurationError, ConnectionFailed

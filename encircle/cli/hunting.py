@@ -1,17 +1,16 @@
 """``encircle run``: a hunt with a display, a figure at its end, and a way on if it breaks off."""
 
 import json
-import sys
 import threading
 import warnings
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
 
 from encircle.cli.display import Display
+from encircle.cli.reading import prints_elsewhere
 from encircle.network.transport_tables import LINKS_SHOWN_MAX, print_transport_report
 from encircle.protocol.process.interrupts import Interrupted, exit_message, signals_held, signals_to
 from encircle.protocol.process.log import say, say_error
@@ -123,7 +122,8 @@ def hunt_and_draw(
 ) -> None:
     """Run or resume a hunt, draw it, and show what came of it; raises as ``encircle.run``.
 
-    ``draw`` makes the picture of a run, or nothing if it has to be made here.
+    Raises ``ServerFailed``, too, if its page cannot be served. ``draw`` makes the picture of a run,
+    or nothing if it has to be made here.
     """
     if request.show is None:
         _hunt_and_draw(request, as_json, draw, None)
@@ -131,14 +131,11 @@ def hunt_and_draw(
     # Imported late: only who asks for a page needs its server.
     from encircle.runner.interventions import Interventions
     from encircle.viewer.hunt_show import HuntShow
-    from encircle.viewer.server import ServerFailed
 
     onlooker = HuntShow(request.show, request.link == "memory", Interventions())
     try:
         _hunt_and_draw(request, as_json, draw, onlooker)
         _stay(onlooker)
-    except ServerFailed as error:
-        raise RunFailed(str(error)) from None
     finally:
         onlooker.stop()
 
@@ -161,22 +158,22 @@ def _hunt_and_draw(
     draw: Callable[[Path], bytes],
     onlooker: "HuntShow | None",
 ) -> None:
-    if request.resume is None:
-        scenario = _load(request)
-        directory = request.out or default_directory(request.scenario, scenario.seed)
-    else:
-        # Imported late: it rebuilds a world, which only a run in memory needs as well.
-        from encircle.world.recording.resuming import read_last
+    with prints_elsewhere():
+        if request.resume is None:
+            scenario = _load(request)
+            directory = request.out or default_directory(request.scenario, scenario.seed)
+        else:
+            # Imported late: it rebuilds a world, which only a run in memory needs as well.
+            from encircle.world.recording.resuming import read_last
 
-        scenario, directory = read_last(request.resume).scenario, request.resume
+            scenario, directory = read_last(request.resume).scenario, request.resume
     check_link(scenario, request.link)
     check_pace(scenario, request.pace)
     for remark in remarks_on(scenario):
         say_error(f"encircle: {remark}")
     try:
-        # What a policy prints must not stand among what the command prints.
         with (
-            redirect_stdout(sys.stderr),
+            prints_elsewhere(),
             signals_held(),
             Display(scenario, request.link) as display,
         ):

@@ -122,13 +122,14 @@ def _failure(error: BaseException) -> tuple[int, str] | None:
     from encircle.protocol.process.interrupts import Interrupted
     from encircle.protocol.process.tracebacks import failure_line
     from encircle.runner.launch import RunFailed
+    from encircle.viewer.addresses import ServerFailed
     from encircle.world.recording.run_directory import RunDirectoryError
     from encircle.world.scenario.errors import ScenarioError
 
     match error:
         case ScenarioError() | RunDirectoryError() | MissingExtra():
             return 2, str(error)
-        case Interrupted():
+        case Interrupted() | ServerFailed():
             return 1, str(error)
         case RunFailed():
             return 1, f"the run failed: {error}"

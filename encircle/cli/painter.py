@@ -7,6 +7,7 @@ after its end.
 
 import os
 import signal
+import sys
 import threading
 from pathlib import Path
 from typing import NoReturn
@@ -68,6 +69,8 @@ def _paint(asked: int, answer: int) -> NoReturn:
     """In the new process: get ready, draw what is asked for, and end."""
     for number in NUMBERS:
         signal.signal(number, signal.SIG_DFL)
+    # A policy's file, which it reads as well, may print.
+    sys.stdout = sys.stderr
     try:
         # What draws imports the world's physics for its geometry, and never draws a random number.
         # The world takes the laws of its random numbers from there; a picture needs none.

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from encircle.cli.reading import read_or_tell
+from encircle.cli.reading import prints_elsewhere, read_or_tell
 from encircle.protocol.process.log import printable, say, say_error
 from encircle.protocol.programs.options import Options
 
@@ -44,7 +44,8 @@ def replay_main(arguments: Sequence[str], program: str) -> int:
         lines = [f"{key:10} {value}" for key, value in summary.items()]
         say(*([json.dumps(summary)] if settings.json else lines))
         return 0
-    outcome = replay(recording)
+    with prints_elsewhere():
+        outcome = replay(recording)
     say(*([json.dumps(_as_dict(outcome))] if settings.json else _as_lines(outcome)))
     return 0 if outcome.same else 1
 
@@ -66,7 +67,8 @@ def _say_digest(recording: "Recording", as_json: bool) -> int:
     # Imported late: it brings the world.
     from encircle.world.recording.resuming import digest_of
 
-    digest, recorded = digest_of(recording), _recorded_digest(recording)
+    with prints_elsewhere():
+        digest, recorded = digest_of(recording), _recorded_digest(recording)
     count = len(recording.scenario.events) - len(recording.scenario_as_written.events)
     if as_json:
         told = {"digest": digest, "recorded": recorded, "interventions": count}
@@ -95,7 +97,8 @@ def _say_robots(recording: "Recording", as_json: bool) -> None:
     from encircle.measures.breakdown import breakdown, breakdown_rows
     from encircle.runlog.recorded_log import log_of_recording
 
-    robots = breakdown(log_of_recording(recording))
+    with prints_elsewhere():
+        robots = breakdown(log_of_recording(recording))
     if as_json:
         say(json.dumps({"run": recording.run, "seed": recording.seed, "robots": robots}))
         return
@@ -212,7 +215,7 @@ def trace_main(arguments: Sequence[str], program: str) -> int:
 def _options(program: str, description: str) -> Options:
     options = Options(program, description, environment=False)
     options.add(
-        "run", "a run's directory or its recording", read=Path, metavar="RUN", required=True
+        "run", "a recorded run's directory or recording", read=Path, metavar="RUN", required=True
     )
     options.add_flag("--json", "print one JSON object")
     return options

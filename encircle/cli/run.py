@@ -38,7 +38,7 @@ def main(arguments: Sequence[str], program: str) -> int:
     show = None
     if settings.watch:
         # Before anything is started: what is missing is told at once.
-        show = show_options(settings, f"{program} --watch")
+        show = show_options(settings, "run --watch")
     painter = None
     if settings.link == "zenoh":
         from encircle.runner.nodes import fork_server

@@ -27,9 +27,7 @@ def main(arguments: Sequence[str], program: str) -> int:
     options = _options(program)
     settings = options.parse(arguments)
     _check(settings, options)
-    shown = show_options(settings, program)
-    from encircle.viewer.server import ServerFailed
-
+    shown = show_options(settings, "watch")
     stop = threading.Event()
 
     def interrupt(name: str) -> None:
@@ -37,13 +35,9 @@ def main(arguments: Sequence[str], program: str) -> int:
             say_error(f"encircle: stopped by {name}")
         stop.set()
 
-    try:
-        if settings.run_directory is not None:
-            return _watch_recording(settings.run_directory, shown, interrupt, stop.is_set)
-        return _watch_run(settings, options, shown, interrupt, stop.is_set)
-    except ServerFailed as error:
-        say_error(f"encircle: {error}")
-    return 1
+    if settings.run_directory is not None:
+        return _watch_recording(settings.run_directory, shown, interrupt, stop.is_set)
+    return _watch_run(settings, options, shown, interrupt, stop.is_set)
 
 
 def _watch_recording(
@@ -115,6 +109,15 @@ def _check(settings: Namespace, options: Options) -> None:
             f"{settings.run_directory} is a recording: --connect, --listen and --run do not go"
             " with it"
         )
+    elif not settings.run_directory.exists():
+        # Imported late: whoever names a recording need not wait for scenarios.
+        from encircle.world.loading.files import shipped
+
+        if str(settings.run_directory) in shipped():
+            options.error(
+                f"{settings.run_directory} is a scenario, not a recording:"
+                f" encircle run {settings.run_directory} --watch"
+            )
 
 
 def _options(program: str) -> Options:

@@ -65,8 +65,8 @@ def given_show_options(settings: Namespace) -> list[str]:
 def show_options(settings: Namespace, what: str) -> "ShowOptions":
     """What the options say; ``MissingExtra`` if ``what`` cannot be had here."""
     with needing(what, "viewer"):
+        from encircle.viewer.addresses import LOOPBACK
         from encircle.viewer.page_files import BOKEH_SCRIPTS, page_text
-        from encircle.viewer.server import LOOPBACK
         from encircle.viewer.showing import ShowOptions, WatchEnd
 
         page_text(BOKEH_SCRIPTS[0])

@@ -8,6 +8,7 @@ and ``decisions``; ``modes`` as states; ``packets`` counts by fate; ``events`` a
 ``run`` as a document.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
@@ -27,6 +28,7 @@ from encircle.exports.rerun_blueprint import blueprint
 from encircle.exports.rerun_columns import RerunColumns
 from encircle.protocol.process.interrupts import check
 from encircle.scene.builder import scene_of_recording
+from encircle.scene.counts import counted
 from encircle.scene.frame import Event, Frame
 from encircle.scene.stage import Stage
 from encircle.world.recording.recording import Recording
@@ -129,10 +131,17 @@ def description(stage: Stage) -> str:
         "target": stage.behaviour,
         "channel": "; ".join(stage.channel) or "ideal",
         "tick": f"{stage.tick_s:g} s ({stage.clock})",
-        "captures": f"{stage.capture_count} robots within {stage.stop_distance_m:g} m",
+        "captures": f"{counted(stage.capture_count, 'robot')} within {stage.stop_distance_m:g} m",
     }
-    lines = [f"| {name} | {value} |" for name, value in rows.items()]
-    return "\n".join([f"# {stage.title}", "", "| | |", "|---|---|", *lines, "", *LEGEND])
+    lines = [f"| {name} | {_plain(str(value))} |" for name, value in rows.items()]
+    return "\n".join(
+        [f"# {_plain(stage.title or stage.run)}", "", "| | |", "|---|---|", *lines, "", *LEGEND]
+    )
+
+
+def _plain(text: str) -> str:
+    """Text that Markdown shows as it is: titles and names may hold links and images."""
+    return re.sub(r"([\\`*_{}\[\]()#!|<>~])", r"\\\1", text)
 
 
 def _send_scene(

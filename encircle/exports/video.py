@@ -13,6 +13,7 @@ from encircle.exports.pictures.canvas import Pixels
 from encircle.exports.pictures.layout import size_problem
 from encircle.exports.pictures.picture import Picture, PictureStyle
 from encircle.exports.pictures.timeline import PICTURES_MAX, Timeline, timeline_of
+from encircle.exports.refused_option import OptionRefused
 from encircle.progress import Progress
 from encircle.protocol.process.interrupts import check
 from encircle.protocol.suggestions import did_you_mean
@@ -27,7 +28,7 @@ FPS_MAX, GIF_FPS_MAX, SPEED_RANGE = 120.0, 50.0, (0.01, 100.0)
 
 
 class VideoError(RunDirectoryError):
-    """An option of a video that cannot be; the message names it, and says what can."""
+    """A video that cannot be made; the message says why, and what to do."""
 
 
 def export_mp4(
@@ -45,7 +46,8 @@ def export_mp4(
 
     ``fps``: pictures per second; ``speed``: seconds of the run in a second of the video; ``size``:
     width and height in pixels; ``belief``: the robot whose belief is drawn over the truth;
-    ``packets``: whether packets are drawn; ``theme``: light or dark. Raises ``VideoError``.
+    ``packets``: whether packets are drawn; ``theme``: light or dark. Raises ``OptionRefused``
+    and ``VideoError``.
     """
     # Imported here: a GIF needs no PyAV, and a video no Pillow.
     from encircle.exports.pictures.mp4 import ENCODERS, video_encoder, write_mp4
@@ -93,14 +95,14 @@ def export_png(
     """Write the picture of one moment of a recording.
 
     ``tick``: which, and the share of one that has passed: at 20.5 packets are half-way; the last
-    one if left out. The other options are those of ``export_mp4``. Raises ``VideoError``.
+    one if left out. The other options are those of ``export_mp4``, as is what it raises.
     """
     from PIL import Image
 
     picture, timeline, _ = _prepared(recording, FPS_MAX, 30.0, 1.0, size, belief, packets, theme)
     first, last = timeline.first_tick, timeline.first_tick + timeline.ticks
     if tick is not None and not first <= tick <= last:
-        raise VideoError(f"tick {tick:g}: must be from {first} to {last}")
+        raise OptionRefused("tick", f"{tick:g}", f"must be from {first} to {last}")
     pixels = picture.at(last if tick is None else tick)
     Image.fromarray(pixels).save(out, format="PNG", optimize=True)
 
@@ -115,17 +117,19 @@ def _prepared(
     packets: bool,
     theme: str,
 ) -> tuple[Picture, Timeline, PictureStyle]:
-    """What draws the pictures, and when they are shown; ``VideoError`` for a wrong option."""
+    """What draws the pictures, and when they are shown; ``OptionRefused`` for a wrong option."""
     _check_number("fps", fps, 1.0, fps_max)
     _check_number("speed", speed, *SPEED_RANGE)
     if theme not in THEMES:
-        raise VideoError(f"theme {theme}: must be {' or '.join(THEMES)}")
+        raise OptionRefused("theme", theme, f"must be {' or '.join(THEMES)}")
     robots = recording.scenario.ids
     if belief and belief not in robots:
         hint = did_you_mean(belief, robots)
-        raise VideoError(f"belief {belief}: no such robot{hint}; there are {', '.join(robots)}")
+        raise OptionRefused("belief", belief, f"no such robot{hint}; there are {', '.join(robots)}")
     if belief and recording.scenario.clock == "wall":
-        raise VideoError(f"belief {belief}: of a run by the clock it is not known what robots saw")
+        raise OptionRefused(
+            "belief", belief, "of a run by the clock it is not known what robots saw"
+        )
     believer = robots.index(belief) if belief else None
     style = PictureStyle(_size(size), theme, believer, packets, speed)
     scene = scene_of_recording(recording, beliefs=bool(belief))
@@ -140,17 +144,17 @@ def _prepared(
 
 def _check_number(name: str, value: float, low: float, high: float) -> None:
     if not low <= value <= high < inf:
-        raise VideoError(f"{name} {value:g}: must be from {low:g} to {high:g}")
+        raise OptionRefused(name, f"{value:g}", f"must be from {low:g} to {high:g}")
 
 
 def _size(text: str) -> tuple[int, int]:
     """``1280x720`` as width and height."""
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     if found is None:
-        raise VideoError(f"size {text}: must be WIDTHxHEIGHT in pixels, such as 1280x720")
+        raise OptionRefused("size", text, "must be WIDTHxHEIGHT in pixels, such as 1280x720")
     width, height = int(found[1]), int(found[2])
     if problem := size_problem(width, height):
-        raise VideoError(f"size {text}: {problem}")
+        raise OptionRefused("size", text, problem)
     return width, height
 
 

@@ -6,6 +6,7 @@ from encircle.live.rounds import Message, Round
 from encircle.live.updates import RunState, Status
 from encircle.protocol.endings import EndReason
 from encircle.protocol.errors import ProtocolError
+from encircle.protocol.process.log import printable
 from encircle.scene.builder import SceneBuilder
 from encircle.scene.frame import Frame
 from encircle.scene.stage import Stage, stage_of
@@ -61,7 +62,8 @@ class SceneFeed:
             texts.append(
                 f"what {names(self.unsure)} believe{'s' * (len(self.unsure) == 1)} is unsure"
             )
-        return Status(state, "; ".join(texts), not broke_off, missed_ticks, self._has_beliefs)
+        text = printable("; ".join(texts))
+        return Status(state, text, not broke_off, missed_ticks, self._has_beliefs)
 
     def _frames(self, message: Message) -> list[Frame]:
         try:

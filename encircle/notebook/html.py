@@ -8,6 +8,8 @@ on the web, keeps nothing else.
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from encircle.protocol.process.log import printable
+
 LINE = "rgba(128,128,128,0.45)"
 _CELL = f"text-align:left;vertical-align:top;padding:2px 10px 2px 0;border-bottom:1px solid {LINE}"
 _NUMBER = _CELL.replace("text-align:left", "text-align:right")
@@ -57,5 +59,5 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], names: int) -> str
 
 
 def text(words: object) -> str:
-    """A text as HTML."""
-    return escape(str(words), quote=True)
+    """A text as HTML, in visible characters."""
+    return escape(printable(str(words)), quote=True)

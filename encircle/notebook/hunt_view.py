@@ -15,6 +15,8 @@ from encircle.world.recording.recording import RecordingError, read_recording
 from encircle.world.scenario.model import MoveTarget, Scenario
 
 Floats = NDArray[np.float64]
+FARTHER_M = 0.001
+"""By how much a way in a tick must be longer than the longest step to be none: they are rounded."""
 NOT_KNOWN = (
     "Where everybody was is not known here: it is known of hunts in memory, and of those that are"
     " recorded, with out=DIRECTORY."
@@ -60,12 +62,22 @@ def trails_svg(scenario: Scenario, positions: Floats) -> str:
         sketch.circle(obstacle.position, obstacle.radius_m, GREY, GREY)
     for k in range(positions.shape[1] - 1):
         sketch.trail(positions[:, k], robot_colour(k))
-    ticks = sorted({e.tick for e in scenario.events if isinstance(e, MoveTarget)})
-    for part in np.split(positions[:, -1], [t for t in ticks if 0 < t < len(positions)]):
+    for part in np.split(positions[:, -1], moved_ticks(scenario, positions[:, -1])):
         sketch.trail(part, "currentColor")
     sketch.circle(positions[-1, -1].tolist(), stop_m, "currentColor")
     draw_bodies(sketch, positions[-1, :-1], positions[-1, -1], radius_m, target_radius_m)
     return sketch.svg()
+
+
+def moved_ticks(scenario: Scenario, target: Floats) -> list[int]:
+    """The ticks to which the target (T, 2) did not run but was moved, in order.
+
+    By the scenario, or by hand: then it went farther than it can run, or nothing is to be seen.
+    """
+    ticks = {e.tick for e in scenario.events if isinstance(e, MoveTarget)}
+    steps_m = np.hypot(*np.diff(target, axis=0).T)
+    ticks |= set((1 + np.flatnonzero(steps_m > scenario.target.step_m_max + FARTHER_M)).tolist())
+    return sorted(tick for tick in ticks if 0 < tick < len(target))
 
 
 def _facts(hunt: Hunt) -> Iterator[tuple[str, str]]:

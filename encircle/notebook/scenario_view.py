@@ -8,6 +8,7 @@ import numpy as np
 from encircle.notebook.html import facts, framed
 from encircle.notebook.sketch import GREY, Sketch, draw_bodies
 from encircle.scene.channel_text import channel_sentences
+from encircle.scene.counts import counted
 from encircle.scene.field_text import value_text
 from encircle.world.arena.engine import build, initial, truth
 from encircle.world.scenario.errors import ScenarioError
@@ -56,11 +57,11 @@ def _facts(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield "about", " ".join(scenario.description.split())
     policies = Counter(map(scenario.strategy_of, scenario.ids))
     named = ", ".join(policies) if len(policies) == 1 else _counted(policies)
-    yield "team", f"{len(scenario.ids)} robots, {named}"
+    yield "team", f"{counted(len(scenario.ids), 'robot')}, {named}"
     yield "radio", "; ".join(channel_sentences(scenario))
     yield "target", f"{scenario.target.behaviour}, at most {scenario.target.step_m_max:g} m a tick"
     stop_m = scenario.capture.stop_distance_m
-    yield "captured", f"when {scenario.capture_count} robots are within {stop_m:g} m around it"
+    yield "captured", f"when {_captors(scenario.capture_count)} within {stop_m:g} m around it"
     limit_s = scenario.ticks_max * scenario.tick_s
     yield "time", f"at most {scenario.ticks_max} ticks of {scenario.tick_s:g} s ({limit_s:g} s)"
     if scenario.clock == "wall":
@@ -72,6 +73,10 @@ def _facts(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if len(scenario.events) > EVENTS_MAX:
         yield "", f"and {len(scenario.events) - EVENTS_MAX} more events"
     yield "seed", f"{scenario.seed}"
+
+
+def _captors(count: int) -> str:
+    return "one robot is" if count == 1 else f"{count} robots are"
 
 
 def _counted(policies: Counter[str]) -> str:

@@ -14,7 +14,7 @@ class MessageTypes:
     """The types of one release; raises ``MissingExtra`` if rosbags is not installed."""
 
     def __init__(self, release: Release) -> None:
-        with needing("encircle ros2", "ros2"):
+        with needing("ros2", "ros2"):
             from rosbags import typesys
         self._release = release
         self._store = typesys.get_typestore(typesys.Stores(release.store))

@@ -33,6 +33,8 @@ WAIT_S_MAX = 1.0
 """How long a tick of a run in lock-step waits for a command, in s, unless another length is asked
 for. The world has to wait for longer."""
 VAIN_WAITS_MAX = 3
+SHORTEST_S = 1e-9
+"""Times that differ by less are equal."""
 REFUSED = "ros2-command"
 """Under which a robot's command counts what it has refused of ROS 2."""
 
@@ -52,7 +54,6 @@ class CommandMail:
         self._changed = threading.Condition()
         self._clock_s = clock_s
         self._newest = NewestCommand(None, 0, 0.0)
-        self._refused = 0
         self.refused = 0
 
     def put(self, command: RobotCommand) -> None:
@@ -100,13 +101,13 @@ class Steering:
         self._command_s_max, self._wait_s_max = command_s_max, wait_s_max
         self._say = say
         self._clock_s = clock_s
-        self._begin()
+        self._tick = -1
 
     def _begin(self) -> None:
         """A robot begins, or begins anew."""
-        self._tick = -1
-        self._number = 0
-        self._command_tick = 0
+        # A velocity of before is over: whoever said it may be gone.
+        self._number = self.mail.newest().number
+        self._command_tick: int | None = None
         self._vain_waits = 0
         self._strafed_rad: float | None = None
         self._stood = True
@@ -114,7 +115,7 @@ class Steering:
     def decide(self, perception: Perception, by_clock: bool) -> Decision:
         """What the robot does at a tick."""
         observation, view = perception.observation, perception.view
-        if observation.tick <= self._tick:
+        if self._tick < 0 or observation.tick <= self._tick:
             self._begin()
         self._tick = observation.tick
         before = self.mail.newest().number
@@ -143,12 +144,13 @@ class Steering:
     def _is_stale(self, newest: NewestCommand, by_clock: bool, tick_s: float) -> bool:
         if not isinstance(newest.command, Velocity):
             return False
-        age_s = (
-            self._clock_s() - newest.arrival_s
-            if by_clock
-            else (self._tick - self._command_tick) * tick_s
-        )
-        return age_s > self._command_s_max
+        if by_clock:
+            return self._clock_s() - newest.arrival_s > self._command_s_max
+        if self._command_tick is None:
+            return True
+        # What is moved in a tick is over at the next one. Ticks times their length are rounded.
+        over_s = (self._tick - self._command_tick) * tick_s
+        return over_s > 0.0 and over_s >= self._command_s_max - SHORTEST_S
 
     def _note(self, stands: bool) -> None:
         if stands != self._stood:

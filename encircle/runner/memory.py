@@ -73,7 +73,7 @@ def run_in_memory(
     with rare_garbage_collection():
         if resumed is None:
             world, cores = joined(arena, run, log, record)
-            observations = next_observations(world, cores, observer)
+            observations = next_observations(world, cores, observer, progress)
         else:
             world, cores = resumed.core, {robot: RobotCore(robot, run, log) for robot in arena.ids}
             world.record_with(record)
@@ -139,18 +139,23 @@ def _run(
             observer.decided(world, robots, [answers.get(robot) for robot in cores])
         if progress is not None:
             progress(world)
-        observations = next_observations(world, cores, observer)
+        observations = next_observations(world, cores, observer, progress)
     if observer is not None and world.rounds.plugin_failure is None:
         observer.ended(world)
 
 
 def next_observations(
-    world: WorldCore, cores: Mapping[str, RobotCore], observer: RunObserver | None = None
+    world: WorldCore,
+    cores: Mapping[str, RobotCore],
+    observer: RunObserver | None = None,
+    progress: Callable[[WorldCore], None] | None = None,
 ) -> list[Observation]:
     """The observations of the next round that anyone is there for; none when the run is over."""
     while not (observations := world.ask()) and world.ended is None:
         if observer is not None:
             observer.decided(world, tuple(cores.values()), [None] * len(cores))
+        if progress is not None:
+            progress(world)
     for key, payload in world.rounds.open_round.setups:
         cores[parse_key(key).robot or ""].receive(key, payload)
     return observations

@@ -5,6 +5,7 @@ Ctrl-C, which a terminal sends to them as well: what ends them is their parent, 
 """
 
 import os
+import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent import futures
@@ -118,7 +119,11 @@ def _some(
 
 
 def _prepare() -> None:
-    """In a new worker: leave Ctrl-C to the parent, and end when the parent does."""
+    """In a new worker: leave Ctrl-C to the parent, and end when the parent does.
+
+    What the work prints goes to standard error: the parent's output is the parent's.
+    """
+    sys.stdout = sys.stderr
     leave_sigint_to_parent()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -69,13 +69,46 @@ class Schedule:
             for k, event in enumerate(self._events)
             if event.tick == tick
         ]
-        ended = [_ended(span.cut) for span in self._spans if span.after == tick]
+        ended = [self._ended(span.cut, tick) for span in self._spans if span.after == tick]
         ended += [
-            Event(event.kind, f"{event.kind} as the scenario has it again", ())
+            self._changed_back(event, tick)
             for event in self._events
             if isinstance(event, Change) and last_and_one(event) == tick
         ]
-        return [event for event in (*ended, *begun) if event is not None]
+        return [event for event in dict.fromkeys((*ended, *begun)) if event is not None]
+
+    def _ended(self, cut: Cut, tick: int) -> Event | None:
+        """That a cut is over, if no other one goes on that comes to the same."""
+        others = [span.cut for span in self._spans if span.first <= tick < span.after]
+        if any(_cuts(other) == _cuts(cut) for other in others):
+            return None
+        match cut:
+            case Silence():
+                return Event("silence", f"{cut.robot}'s radio is on again", (cut.robot,))
+            case Outage():
+                return Event("outage", f"no outage from {_ends(cut)} any more", _named(cut))
+        is_cut = any(isinstance(other, Partition) for other in others)
+        text = f"no longer cut: {_groups(cut)}" if is_cut else "the team is whole again"
+        return Event("partition", text, _members(cut))
+
+    def _changed_back(self, event: Change, tick: int) -> Event | None:
+        """What a change gives way to as it ends, if it was in force up to then."""
+        now = self._in_force(event.kind, tick)
+        if self._in_force(event.kind, tick - 1) is not event or (now and now.tick == tick):
+            return None
+        text = f"{event.kind} as the scenario has it" if now is None else _change(now)
+        return Event(event.kind, f"{text} again", ())
+
+    def _in_force(self, kind: str, tick: int) -> Change | None:
+        """The change of a kind that counts at a tick: the one that began last."""
+        going_on = [
+            event
+            for event in self._events
+            if isinstance(event, Change)
+            and event.kind == kind
+            and event.tick <= tick < last_and_one(event)
+        ]
+        return sorted(going_on, key=lambda event: event.tick)[-1] if going_on else None
 
     def _begun(self, event: ScenarioEvent, by: str) -> Event | None:
         robots: tuple[str, ...] = ()
@@ -98,14 +131,9 @@ class Schedule:
         return Event("moved" if isinstance(event, MoveTarget) else event.kind, by + text, robots)
 
 
-def _ended(cut: Cut) -> Event:
-    match cut:
-        case Silence():
-            return Event("silence", f"{cut.robot}'s radio is on again", (cut.robot,))
-        case Outage():
-            return Event("outage", f"no outage from {_ends(cut)} any more", _named(cut))
-        case Partition():
-            return Event("partition", "the team is whole again", _members(cut))
+def _cuts(cut: Cut) -> dict[str, object]:
+    """What a cut cuts, whenever that is."""
+    return cut.model_dump(exclude={"tick", "ticks"})
 
 
 def _change(event: Change) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from encircle.protocol.messages import Command, Radio, State
+from encircle.protocol.process.log import printable
 from encircle.scene import events
 from encircle.scene.beliefs import Believed
 from encircle.scene.frame import Event, Frame, Values
@@ -78,6 +79,8 @@ class FrameMaker:
         packets = () if radio is None else self._radio.send(radio)
         ages = self._ages(tick, heard)
         off = self._schedule.silent(tick)
+        ending = events.ending(state, self._robots, there, ended, self._reach_m) * is_last
+        told = (*self._events(state, lost, doubts), *ending)
         frame = Frame(
             tick=tick,
             robots=state.robots,
@@ -96,10 +99,7 @@ class FrameMaker:
             beliefs=beliefs,
             beliefs_unsure=tuple([robot for robot in self._robots if robot in doubts]),
             values=self._values(state, there, ages, commands),
-            events=(
-                *self._events(state, lost, doubts),
-                *(events.ending(state, self._robots, there, ended, self._reach_m) * is_last),
-            ),
+            events=tuple([event._replace(text=printable(event.text)) for event in told]),
         )
         self._last, self._doubts = frame, doubts
         return frame

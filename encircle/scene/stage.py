@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from encircle.protocol.process.log import printable
 from encircle.scene.channel_text import channel_sentences
 from encircle.world.channel.loss_causes import CAUSES
 from encircle.world.scenario.model import Scenario
@@ -39,24 +40,24 @@ class Stage:
 
 
 def stage_of(scenario: Scenario, seed: int, run: str) -> Stage:
-    """The stage of a run of a scenario with a seed."""
+    """The stage of a run of a scenario with a seed; texts of others as visible characters."""
     robots = scenario.ids
     return Stage(
         run=run,
-        title=scenario.title,
+        title=printable(scenario.title),
         seed=seed,
         tick_s=scenario.tick_s,
         ticks_max=scenario.ticks_max,
         clock=scenario.clock,
         robots=robots,
-        policies=tuple(map(scenario.strategy_of, robots)),
+        policies=tuple([printable(scenario.strategy_of(robot)) for robot in robots]),
         radius_m=scenario.team.radius_m,
         target_radius_m=scenario.target.radius_m,
         obstacles=tuple([(*o.position, o.radius_m) for o in scenario.obstacles]),
         sensing_ranges_m=tuple([scenario.parameters_of(r)["sensing_range_m"] for r in robots]),
         stop_distance_m=scenario.capture.stop_distance_m,
         capture_count=scenario.capture_count,
-        behaviour=scenario.target.behaviour,
-        channel=channel_sentences(scenario),
+        behaviour=printable(scenario.target.behaviour),
+        channel=tuple(map(printable, channel_sentences(scenario))),
         causes=tuple([CAUSES.get(code, NO_CAUSE) for code in range(max(CAUSES) + 1)]),
     )

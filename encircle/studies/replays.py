@@ -44,16 +44,17 @@ def write_replays(
 ) -> list[Replay]:
     """Write the pages that are not there yet; raises ``Interrupted`` after Ctrl-C.
 
-    ``wall_s_max``: runs that together take longer than that are left out.
+    ``wall_s_max``: what they may take together, in s; a run that would take more than is left of it
+    is left out.
     """
     replays, left_s = [], wall_s_max
     for done, run in enumerate(runs):
         tell(done, len(runs))
         if left_s is not None:
-            left_s -= run.wall_s
-            if left_s < 0.0:
+            if run.wall_s > left_s:
                 replays.append(Replay(run, "", "it takes long: --replays all shows it"))
                 continue
+            left_s -= run.wall_s
         with signals_held(), redirect_stdout(sys.stderr):
             replays.append(_replay(plan, run, directory))
     tell(len(runs), len(runs))

@@ -4,8 +4,13 @@ import ipaddress
 import socket
 from urllib.parse import urlsplit
 
+LOOPBACK = "127.0.0.1"
 HTTP_PORT = 80
 """Which browsers leave out."""
+
+
+class ServerFailed(Exception):
+    """The page cannot be served; the message says why."""
 
 
 def listening_socket(host: str, port: int) -> socket.socket:

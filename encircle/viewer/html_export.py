@@ -20,6 +20,7 @@ from encircle.world.recording.recording import Recording
 
 SCRIPT = re.compile(r'<script src="([^"]+)"></script>')
 STYLE = re.compile(r'<link rel="stylesheet" href="([^"]+)">')
+ICON_LINK = re.compile(r'(<link rel="icon" type="([^"]+)" href=")([^"]+)(">)')
 POLICY = re.compile(r'(<meta http-equiv="Content-Security-Policy" content=")[^"]*(">)')
 CLOSING_TAG = re.compile(r"</(script)", re.IGNORECASE)
 
@@ -40,6 +41,9 @@ def page_html(scene: Scene) -> str:
     styles = [page_text(name) for name in STYLE.findall(index)]
     index = _each_replaced(STYLE, index, [f"<style>\n{style}</style>" for style in styles])
     index = _each_replaced(SCRIPT, index, [f"<script>{script}</script>" for script in scripts])
+    index = ICON_LINK.sub(
+        lambda found: f"{found[1]}{_as_address(found[2], found[3])}{found[4]}", index
+    )
     index = POLICY.sub(lambda found: f"{found[1]}{_policy(scripts)}{found[2]}", index, count=1)
     data = f'<script type="application/json" id="recording">{packed(message(scene))}</script>\n'
     return index.replace("<script>", f"{data}<script>", 1)
@@ -58,6 +62,12 @@ def packed(content: dict[str, Any]) -> str:
     """Base64 of the gzip of an object's JSON; the same for the same object."""
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode("ascii")
+
+
+def _as_address(media_type: str, name: str) -> str:
+    """One of the page's files as an address that has all of it."""
+    content = base64.b64encode(page_text(name).encode()).decode()
+    return f"data:{media_type};base64,{content}"
 
 
 def _policy(scripts: list[str]) -> str:

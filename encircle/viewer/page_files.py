@@ -9,10 +9,15 @@ from pathlib import Path
 from types import MappingProxyType
 
 PAGE = Path(__file__).parent / "page"
-INDEX = "index.html"
+INDEX, ICON = "index.html", "icon.svg"
 BOKEH_SCRIPTS = ("bokeh.min.js", "bokeh-api.min.js")
 MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
-    {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
+    {
+        ".html": "text/html",
+        ".css": "text/css",
+        ".js": "text/javascript",
+        ".svg": "image/svg+xml",
+    }
 )
 """By the ending of a file's name."""
 

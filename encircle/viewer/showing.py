@@ -15,12 +15,14 @@ from itertools import islice
 from typing import Any
 
 from encircle.live.updates import Feed, RunState, Status
-from encircle.protocol.process.log import say_error
+from encircle.protocol.process.log import printable, say_error
 from encircle.scene.builder import frames_of_recording
 from encircle.scene.frame import Frame
 from encircle.scene.stage import Stage
+from encircle.viewer.addresses import LOOPBACK
+from encircle.viewer.handlers import Taken
 from encircle.viewer.history import History
-from encircle.viewer.server import LOOPBACK, PageServer, Taken
+from encircle.viewer.server import PageServer
 from encircle.world.recording.recording import Recording
 
 TAKE_S = 0.2
@@ -82,36 +84,45 @@ class Show:
         if s_max is None:
             s_max = START_S_MAX if self._has_browser else 0.0
         until_s = time.monotonic() + s_max
-        while not self.server.pages and not stopped() and time.monotonic() < until_s:
+        while not self.server.site.pages and not stopped() and time.monotonic() < until_s:
             time.sleep(STEP_S)
 
     def feed(self, feed: Feed, stopped: Callable[[], bool] = lambda: False) -> Status:
-        """Show what a feed gives, until its end or until ``stopped``; how the run stood then."""
-        while True:
-            update = feed.take(TAKE_S)
-            self.history.add(update.frames, status_json(update.status))
-            if update.status.state is RunState.ENDED or stopped():
-                return update.status
+        """Show what a feed gives, until its end or until ``stopped``; how the run stood then.
+
+        What goes wrong in that is raised, and pages are told that nothing more will come.
+        """
+        try:
+            while True:
+                update = feed.take(TAKE_S)
+                self.history.add(update.frames, status_json(update.status))
+                if update.status.state is RunState.ENDED or stopped():
+                    return update.status
+        except Exception as error:
+            text = printable(f"this page shows no more of the run: {type(error).__name__}: {error}")
+            self.history.add([], {"state": "ended", "text": text, "complete": False})
+            raise
 
     def recording(self, recording: Recording, stopped: Callable[[], bool]) -> None:
         """Show a recording, its first frames while the others are made; ``RecordingError``."""
-        status = {"state": "ended", "complete": recording.complete}
         for frames in batched(frames_of_recording(recording)):
-            self.history.add(frames, status)
+            self.history.add(frames)
             if stopped():
                 return
+        # How it ended is known when no frame will follow.
+        self.history.add([], {"state": "ended", "complete": recording.complete})
 
     def stay(self, stopped: Callable[[], bool], awaits_page: bool = False) -> None:
         """Serve on until ``stopped``, or until the options say so.
 
         ``awaits_page``: that no page was opened yet does not count as none being open any more.
         """
-        end, server = self._options.end, self.server
+        end, site = self._options.end, self.server.site
         over_s = time.monotonic()
         while not stopped() and end is not WatchEnd.RUN:
-            unseen_s = time.monotonic() - max(over_s, server.last_closed_s)
-            may_end = server.opened > 0 or not awaits_page
-            if end is WatchEnd.CLOSED and not server.pages and may_end and unseen_s > UNSEEN_S:
+            unseen_s = time.monotonic() - max(over_s, site.last_closed_s)
+            may_end = site.opened > 0 or not awaits_page
+            if end is WatchEnd.CLOSED and not site.pages and may_end and unseen_s > UNSEEN_S:
                 return
             time.sleep(STEP_S)
 

@@ -183,7 +183,8 @@ def _hold(name: str) -> None:
     elif _State.who and time.monotonic() - _State.held_s > HELD_S_MAX:
         # As in a policy that never answers.
         line = f"{_State.who}: stopped by {name}, in the middle of what it was doing"
-        os.write(2, f"{printable(line)}\n".encode())
+        with suppress(OSError):
+            os.write(2, f"{printable(line)}\n".encode())
         os._exit(STATUS)
 
 

@@ -18,7 +18,8 @@ from typing import TextIO
 from unicodedata import category
 
 LINES_MAX = 50
-_ONE_AT_A_TIME = threading.RLock()
+_OUTPUT, _ERRORS = threading.RLock(), threading.RLock()
+"""One each: who does not read one stream must not keep what is said on the other."""
 KINDS_VARIABLE = "ENCIRCLE_LINE_KINDS"
 
 
@@ -77,7 +78,7 @@ def write_line(stream: TextIO | None, line: str) -> None:
     ``print`` writes the line's end apart, so that another thread's line may come between.
     """
     if stream is not None:
-        with _ONE_AT_A_TIME:
+        with _ERRORS if stream is sys.stderr else _OUTPUT:
             stream.write(f"{line}\n")
             stream.flush()
 

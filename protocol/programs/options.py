@@ -36,6 +36,8 @@ class _Setting(NamedTuple):
     default: Any
     required: bool
     joins: bool
+    missing: str
+    """What is said when it is required and missing."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -61,6 +63,8 @@ class Options:
         )
         self._environment = environment
         self._settings: list[_Setting] = []
+        self._assignment = ""
+        """The option that takes NAME=VALUE, as its help shows it; empty if there is none."""
 
     def add(
         self,
@@ -74,14 +78,16 @@ class Options:
         metavar: str | None = None,
     ) -> None:
         """An option ``--name``, or a positional argument if ``name`` has no dashes."""
-        setting = self._keep(name, read, default, required, variable=variable)
+        is_option = name.startswith("--")
+        missing = f"{name} is missing" if is_option else f"{metavar or name} is missing ({text})"
+        setting = self._keep(name, read, default, required, variable=variable, missing=missing)
         self._parser.add_argument(
             name,
             help=_help(text, setting.variable),
             metavar=metavar,
             type=read,
             # Whether it is missing is known only when the environment has been looked at.
-            nargs=None if name.startswith("--") else "?",
+            nargs=None if is_option else "?",
         )
 
     def add_list(
@@ -102,6 +108,8 @@ class Options:
             parts = (part.strip() for part in re.split(f"[{separators}]", value))
             return [part for part in parts if part]
 
+        if "=" in metavar:
+            self._assignment = f'{name} "{metavar}"'
         setting = self._keep(name, read, [], joins=joins)
         self._parser.add_argument(
             name, help=_help(text, setting.variable), metavar=metavar, action="append"
@@ -166,7 +174,7 @@ class Options:
                 given = [*(inherited or []), *given]
             if given is None and setting.required:
                 way = f"give it, or set {setting.variable}" if setting.variable else "give it"
-                self.error(f"{setting.name} is missing: {way}")
+                self.error(f"{setting.missing}: {way}")
             setattr(settings, key, given)
         return settings
 
@@ -179,6 +187,9 @@ class Options:
         names = [setting.name for setting in self._settings if setting.name.startswith("--")]
         option = next((text for text in unknown if text.startswith("-")), None)
         hint = "" if option is None else did_you_mean(option.partition("=")[0], names)
+        if option is None and self._assignment and "=" in "".join(unknown):
+            # A shell takes a value apart at its spaces and, in braces, at its commas.
+            hint = f" (put all of it in quotes: {self._assignment})"
         self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
 
     def _keep(
@@ -189,9 +200,10 @@ class Options:
         required: bool = False,
         joins: bool = False,
         variable: str = "",
+        missing: str = "",
     ) -> _Setting:
         variable = variable or (variable_of(name) if self._environment else "")
-        self._settings.append(_Setting(name, variable, read, default, required, joins))
+        self._settings.append(_Setting(name, variable, read, default, required, joins, missing))
         return self._settings[-1]
 
     def _inherited(self, environment: Mapping[str, str], setting: _Setting) -> Any:

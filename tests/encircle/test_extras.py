@@ -68,6 +68,16 @@ def test_the_command_line_says_so_in_one_line(monkeypatch, capsys, module, statu
     assert printed.out == ""
 
 
+@pytest.mark.parametrize(
+    ("words", "what"), [(["watch", "x"], "watch"), (["run", "sim1", "--watch"], "run --watch")]
+)
+def test_a_command_that_shows_a_page_says_so_before_anything(monkeypatch, capsys, words, what):
+    monkeypatch.setitem(sys.modules, "bokeh.util.paths", None)
+    assert main(words) == 2
+    line = f'encircle: {what} needs bokeh: pip install "encircle[viewer]"\n'
+    assert capsys.readouterr().err == line
+
+
 def test_a_study_from_python_says_so_too():
     """In a fresh interpreter, where nothing of a study is loaded yet."""
     script = "import sys; sys.modules['pyarrow'] = None; import encircle; encircle.study('loss')"

@@ -165,7 +165,12 @@ def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options
         (["run", "sim1", "--sed", "3"], "--sed 3 (did you mean '--seed'?)"),
         (["run", "sim1", "sim2"], "unrecognized arguments: sim2"),
         (["run", "sim1", "--seed", "x"], "argument --seed: 'x' is not a whole number"),
-        (["replay"], "run is missing: give it"),
+        (["run", "sim1", "--set", "a={b=c,", "d=2}"], 'put all of it in quotes: --set "KEY=VALUE"'),
+        (
+            ["run", "sim1", "--set", "channel.loss={model=bernoulli, rate=0.6}"],
+            """(did you mean "channel.loss={model='bernoulli', rate=0.6}"?""",
+        ),
+        (["replay"], "RUN is missing (a recorded run's directory or recording): give it"),
         (["replay", "a", "--check", "--robots"], "--check and --robots: give one of them"),
         (["replay", "a", "--robots", "--digest"], "--robots and --digest: give one of them"),
         (["trace", "absent"], "--out is missing: give it"),

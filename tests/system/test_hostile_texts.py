@@ -29,6 +29,9 @@ from encircle.cli import main as cli
 from encircle.cli.display import Display
 from encircle.doctor import doctor
 from encircle.figures.run_figures import draw_run
+from encircle.live.rounds import Round
+from encircle.live.scene_feed import SceneFeed
+from encircle.live.updates import RunState
 from encircle.network.transport_tables import plain_text
 from encircle.protocol import VERSION
 from encircle.protocol.codec import encode
@@ -42,8 +45,9 @@ from encircle.protocol.zenoh.queries import serve_queries
 from encircle.protocol.zenoh.session import open_session
 from encircle.runner.launch import free_endpoint
 from encircle.studies.report import page
+from encircle.world.arena.engine import build, initial, truth
 from encircle.world.loading.load import load
-from encircle.world.process.reports import report_as_json
+from encircle.world.process.reports import json_reports
 from encircle.world.recording.recorder import Recorder
 from encircle.world.recording.run_directory import RECORDING
 
@@ -109,7 +113,8 @@ def test_no_shell_prints_but_by_these():
 
 
 def test_json_lines_escape_by_themselves(capsys):
-    report_as_json({"result": {"ended": f"failed: {EVIL}"}})
+    with json_reports() as report:
+        report({"result": {"ended": f"failed: {EVIL}"}})
     line = capsys.readouterr().out
     assert_clean(line)
     assert json.loads(line)["result"]["ended"] == f"failed: {EVIL}"
@@ -184,11 +189,35 @@ def test_the_doctor_and_alive_show_who_calls_itself_what_as_it_is(capsys):
     assert_clean(capsys.readouterr().err)
 
 
+def state_at_start(scenario):
+    """The truth at a run's first tick, as its world sends it."""
+    arena = build(scenario, 1)
+    return encode(truth(arena, initial(arena)), RUN)
+
+
 def command(*arguments: str) -> None:
     """``encircle`` in this process, whatever its exit status."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["encircle", *arguments])
         cli.main()
+
+
+def test_pages_and_notebooks_show_titles_and_reasons_as_they_are():
+    scenario = load(BRIEF | {"title": EVIL, "description": EVIL})
+    hunt = encircle.run(scenario, link="memory")
+    feed = SceneFeed(scenario, 1, RUN)
+    feed.take([Round(0, ((0, "world/state", state_at_start(scenario)),), True)])
+    end = encode(End("r1", 0, f"failed: {EVIL}"), RUN)
+    feed.take([Round(0, ((0, "robots/r1/end", end),), True)])
+    frame = feed.finish()[-1]
+    status = feed.status(RunState.ENDED, f"failed: {EVIL}", 0)
+    for text in (feed.stage.title, status.text, *[event.text for event in frame.events]):
+        assert_clean(text)
+        assert "\n" not in text
+        assert r"\x1b[2J" in text
+    for shown in (hunt, scenario):
+        assert_clean(shown._repr_html_())
+        assert r"\u202e" in shown._repr_html_()
 
 
 def test_a_run_shows_its_title_and_its_paths_as_they_are(tmp_path, capsys, monkeypatch):

@@ -21,7 +21,13 @@ from helpers_interrupts import Group
 from helpers_waiting import completed, until
 
 import encircle
-from encircle.protocol.process.interrupts import Interrupted, check, signals_held, signals_to
+from encircle.protocol.process.interrupts import (
+    STATUS,
+    Interrupted,
+    check,
+    signals_held,
+    signals_to,
+)
 from encircle.replay.replaying import replay
 from encircle.runner.launch import free_endpoint
 
@@ -327,3 +333,21 @@ exit_process(3)
 """
     done = completed([sys.executable, "-c", program])
     assert (done.returncode, done.stdout, done.stderr) == (3, "the last word", "")
+
+
+def test_a_process_that_ends_in_the_middle_ends_also_where_nobody_can_be_told():
+    program = """
+import os, signal
+from encircle.protocol.process import interrupts
+interrupts.exit_on_signal("encircle")
+interrupts.HELD_S_MAX = -1.0
+os.close(2)
+try:
+    with interrupts.signals_held():
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+except BaseException as error:
+    print("went on to", type(error))
+"""
+    done = completed([sys.executable, "-c", program])
+    assert (done.returncode, done.stdout) == (STATUS, "")

@@ -54,6 +54,7 @@ def started(tmp_path):
         ((), 2, "give a recorded RUN, or --connect ENDPOINT and --run NAME"),
         (("--connect", "tcp/127.0.0.1:1"), 2, "--run is missing"),
         (("RECORDED", "--run", "x"), 2, "is a recording: --connect, --listen and --run do not go"),
+        (("sim1",), 2, "sim1 is a scenario, not a recording: encircle run sim1 --watch"),
         (("nowhere",), 2, "nowhere cannot be read: No such file or directory"),
         (("RECORDED", "--port", "0"), 2, "--port: '0' is not a whole number from 1 to 65535"),
         (("RECORDED", "--host", "a b"), 2, "'a b' is not an address or name of this machine"),
@@ -94,15 +95,20 @@ def test_a_run_that_is_not_there_is_one_line(started):
     )
 
 
-def test_a_port_in_use_is_one_line(recorded):
+@pytest.mark.parametrize("what", [("watch", "RECORDED"), ("run", "sim1", "--watch")])
+def test_a_port_in_use_is_one_line_about_the_page(recorded, tmp_path, what):
+    words = [str(recorded) if word == "RECORDED" else word for word in what]
+    words += ["--out", str(tmp_path / "run")] if "run" in what else []
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = str(other.getsockname()[1])
-        done = command("watch", str(recorded), "--port", port, "--no-browser")
-    assert done.returncode == 1
-    assert f"port {port} of 127.0.0.1 cannot be used" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+        done = command(*words, "--port", port, "--no-browser")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == (
+        f"encircle: port {port} of 127.0.0.1 cannot be used for the page: Address already in use\n"
+    )
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(

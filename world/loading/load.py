@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from encircle.protocol.parameters import SET_BY_ROBOT_KEYS
+from encircle.world.loading.bare_words import quoted_change
 from encircle.world.loading.consistency import problems_of
 from encircle.world.loading.files import copied, override, read
 from encircle.world.loading.profiles import expanded
@@ -52,7 +53,8 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
         scenario = Scenario.model_validate(tree)
     except ValidationError as error:
         refused = problems_in(error, Scenario, tree, ROBOT_KEYS)
-        problems += refused.values()
+        hints = {change.partition("=")[0]: _hint(change) for change in overrides}
+        problems += [line + hints.get(".".join(map(str, at)), "") for at, line in refused.items()]
         problems += _further_problems(tree, list(refused))
         raise ScenarioError(_listed(name, problems)) from None
     if problems := problems + problems_of(scenario):
@@ -96,6 +98,12 @@ def _without(tree: Mapping[str, Any], paths: Iterable[KeyPath]) -> dict[str, Any
         if path and isinstance(table, dict):
             table.pop(path[-1], None)
     return rest
+
+
+def _hint(change: str) -> str:
+    """What was perhaps meant by a change whose value is refused; empty if nothing is known."""
+    quoted = quoted_change(change)
+    return f" (did you mean {quoted}? texts in it need quotes)" if quoted else ""
 
 
 def _listed(name: str, lines: Sequence[str]) -> str:

@@ -7,8 +7,9 @@ case; they are not reported here.
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
+from typing import Any, TextIO
 
 from encircle.protocol.process.log import say_error, write_line
 
@@ -17,12 +18,26 @@ PERIOD_S = 1.0
 SHOWN_MAX = 6
 
 
-def report_as_json(event: dict[str, Any]) -> None:
-    """One JSON object to standard output; that the reader is gone is no reason to fail."""
+@contextmanager
+def json_reports() -> Iterator[Reporter]:
+    """Reports as JSON objects on standard output; that the reader is gone is no reason to fail.
+
+    Meanwhile what a plug-in prints goes to standard error: it must not stand among the reports.
+    """
+    stream: TextIO | None = sys.stdout
+
+    def report(event: dict[str, Any]) -> None:
+        nonlocal stream
+        try:
+            write_line(stream, json.dumps(event))
+        except BrokenPipeError:
+            stream = None
+
     try:
-        write_line(sys.stdout, json.dumps(event))
-    except BrokenPipeError:
-        sys.stdout = None
+        with redirect_stdout(sys.stderr):
+            yield report
+    finally:
+        sys.stdout = stream
 
 
 class ConsoleReporter:

@@ -29,7 +29,7 @@ class LossChange(Model):
     tick: Tick
     """The first tick."""
     ticks: Ticks | None = None
-    """For how long; to the end of the run, or up to the next such event, if left out."""
+    """For how long; to the end of the run if left out. A later such event counts meanwhile."""
     rate: Probability | None = None
     """Probability that a packet is lost; the scenario's own loss if left out."""
 
@@ -45,7 +45,7 @@ class DelayChange(Model):
     tick: Tick
     """The first tick."""
     ticks: Ticks | None = None
-    """For how long; to the end of the run, or up to the next such event, if left out."""
+    """For how long; to the end of the run if left out. A later such event counts meanwhile."""
     delay_s: Seconds | None = None
     """How long a packet takes; the scenario's own delay if left out."""
 
@@ -61,7 +61,7 @@ class RangeChange(Model):
     tick: Tick
     """The first tick."""
     ticks: Ticks | None = None
-    """For how long; to the end of the run, or up to the next such event, if left out."""
+    """For how long; to the end of the run if left out. A later such event counts meanwhile."""
     range_m: Length | None = None
     """The distance between two robots' centres; the scenario's own range if left out."""
 

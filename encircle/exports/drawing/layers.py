@@ -25,6 +25,7 @@ from encircle.exports.drawing.shapes import (
     colour_of,
     segments,
 )
+from encircle.scene.counts import counted
 from encircle.scene.frame import PREDICTED_TICKS, Belief, Frame, PeerBelief
 from encircle.scene.palette import DARK, robot_colour
 from encircle.scene.stage import Stage
@@ -244,7 +245,7 @@ def _ghost(stage: Stage, peer: PeerBelief) -> Entity:
     if peer.planned_with:
         shapes.append(Disc(centre, stage.radius_m, colour.faded(0.4 * opacity), 0.2))
     below = (peer.x, peer.y - stage.radius_m - 0.6)
-    text = f"{name}, {peer.age_ticks} ticks"
+    text = f"{name}, {counted(peer.age_ticks, 'tick')}"
     shapes.append(Label(below, text, 0.5, role_colour("muted"), 0.5))
     return Entity(name, tuple(shapes))
 

@@ -20,7 +20,7 @@ from encircle.scene.palette import LOST, ROBOTS, THEMES
 
 LINGERING_S, LINGERING_TICKS_MIN = 0.35, 1.0
 """How long the cross of a lost packet stays: in s of the video, and at least in ticks."""
-PALE = 0.35
+PALE = 0.45
 """How strong the truth is drawn where a belief is."""
 
 

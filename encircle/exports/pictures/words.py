@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from encircle.exports.pictures.canvas import shortened
 from encircle.exports.pictures.moment import Moment, clock_text
 from encircle.exports.pictures.sheet import Sheet
+from encircle.scene.counts import counted
 from encircle.scene.frame import Frame
 
 EVENT_S = 2.0
@@ -25,7 +26,7 @@ def draw_frame_words(sheet: Sheet) -> None:
     title = shortened(stage.title or stage.run, 0.62 * room, TITLE * size, True)
     canvas.text(title, (left, y), TITLE * size, colours["ink"], bold=True)
     policies = ", ".join(dict.fromkeys(stage.policies))
-    team = f"{len(stage.robots)} robots, {policies}, seed {stage.seed}"
+    team = f"{counted(len(stage.robots), 'robot')}, {policies}, seed {stage.seed}"
     canvas.text(shortened(team, 0.36 * room, size), (right, y), size, colours["muted"], "right")
     left, top, right, bottom = sheet.layout.caption
     channel = shortened("; ".join(stage.channel), right - left, size)

@@ -270,6 +270,8 @@ def save_png_and_pdf(drawn: DrawnFigure, directory: Path) -> None:
     """Write a figure as PNG and PDF; the same figure gives the same bytes."""
     FigureCanvasAgg(drawn.figure)
     drawn.figure.savefig(directory / f"{drawn.name}.png", format="png")
+    # Laid out once: the page of the PDF has the same size.
+    drawn.figure.set_layout_engine("none")
     drawn.figure.savefig(
         directory / f"{drawn.name}.pdf", format="pdf", metadata={"CreationDate": None}
     )

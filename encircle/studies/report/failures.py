@@ -1,8 +1,9 @@
 """Failed runs of a study: what the report and the command line say about them."""
 
+from encircle.scene.counts import counted
 from encircle.studies.plan import Plan
 from encircle.studies.report import page
-from encircle.studies.report.result_tables import NO_VALUE, counted
+from encircle.studies.report.result_tables import NO_VALUE
 from encircle.studies.report.sentences import levels_text
 from encircle.studies.study_table import TABLE_FILE, StudyTable
 from encircle.studies.tasks import FAILED

@@ -6,11 +6,11 @@ table that has a row for each setting. Long tables are collapsed.
 
 from collections.abc import Sequence
 
+from encircle.scene.counts import counted
 from encircle.studies.charts.layout import axis_label, varied_axes
 from encircle.studies.csv_files import COMPARISONS_FILE
 from encircle.studies.report import page
 from encircle.studies.report.result_tables import (
-    counted,
     interval_text,
     test_text,
     truncation_text,

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from encircle.scene.counts import counted
 from encircle.statistics.comparisons import ALPHA
 from encircle.statistics.intervals import CONFIDENCE, RESAMPLES
 from encircle.studies.charts.charts import FIGURES, Chart, write_charts
@@ -18,7 +19,7 @@ from encircle.studies.report import page
 from encircle.studies.report.failures import failure_sections
 from encircle.studies.report.findings_tables import finding_sections
 from encircle.studies.report.replay_links import replay_sections
-from encircle.studies.report.result_tables import counted, measure_tables, result_tables
+from encircle.studies.report.result_tables import measure_tables, result_tables
 from encircle.studies.report.setup_text import axis_rows, setup_rows
 from encircle.studies.study_table import OWNER_FILE, TABLE_FILE, StudyTable
 from encircle.studies.summary import Summary, summarise

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from encircle.measures.registry import measure_named
+from encircle.scene.counts import counted
 from encircle.statistics.comparisons import Difference, holm_p
 from encircle.statistics.intervals import Interval
 from encircle.studies.charts.layout import axis_label, varied_axes
@@ -218,11 +219,6 @@ def _number(value: float, spec: str) -> str:
 
 def _p_values_text(corrected: float, alone: float) -> str:
     return NO_VALUE if np.isnan(alone) else f"{p_text(corrected)} ({p_text(alone)})"
-
-
-def counted(count: int, what: str) -> str:
-    """A number with its noun: ``3 cells``."""
-    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def truncation_text(count: int, most: int, file: str = "") -> str:

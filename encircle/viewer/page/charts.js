@@ -6,10 +6,11 @@
   const LINES_MAX = 16;
   const LEFT_PX = 44;
   const RIGHT_PX = 10;
-  const ROOM = 1.25; // A live run's time axis grows by this, not with every tick.
+  const ROOM = 1.25; // The time axis of what goes on grows by this, not with every tick.
   const SPAN_S_MIN = 2;
   const FILL_MS_MIN = 500; // A chart takes in what comes live no more often than this,
   const TURN_MS = 50; // and the next chart so much later.
+  const DOT_PX = 3;
   const DEGREES = 180 / Math.PI;
   const known = (value, factor = 1) => (value === null || value === undefined ? NaN : value * factor);
   const shown = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
@@ -67,7 +68,7 @@
 
     endOf(model) {
       const s = model.lastTick * model.stage.tick_s;
-      if (model.status.state !== "running") return Math.max(s, model.stage.tick_s);
+      if (model.status.state === "ended") return Math.max(s, model.stage.tick_s);
       return s <= this.end ? this.end : Math.max(SPAN_S_MIN, s * ROOM);
     }
 
@@ -80,14 +81,12 @@
       const plot = page.element("div", { class: "plot" }, drawn, cursor);
       const attributes = { class: lowest ? "chart lowest" : "chart", id: `chart-${chart.id}` };
       this.element.append(page.element("figure", attributes, caption, plot));
-      const panel = { chart, value, cursor, plot, filled: 0, filledMs: -Infinity, view: null };
       const names = this.names(chart);
-      panel.source = new Bokeh.ColumnDataSource({
-        data: Object.fromEntries(["s", ...names].map((name) => [name, []])),
-      });
+      const panel = { chart, names, value, cursor, plot, filled: 0, filledMs: -Infinity, view: null };
+      Object.assign(panel, { source: this.columns(names), dots: this.columns(names) });
       panel.range = new Bokeh.Range1d({ start: 0, end: this.end });
       this.fill(panel);
-      const figure = this.figure(panel, names, lowest);
+      const figure = this.figure(panel, lowest);
       Bokeh.Plotting.show(figure, drawn).then((view) => {
         panel.view = view;
         this.moveCursor(this.at || 0);
@@ -112,24 +111,36 @@
       return [sorted[0], sorted[Math.floor(sorted.length / 2)], sorted[sorted.length - 1]];
     }
 
-    /* Adds the ticks that a chart does not have yet. */
-    fill(panel) {
-      const { model } = this;
-      const columns = Object.keys(panel.source.data);
-      const fresh = Object.fromEntries(columns.map((name) => [name, []]));
-      for (let t = panel.filled; t < model.frames.length; t += 1) {
-        const frame = model.frames[t];
-        if (!frame) continue;
-        fresh.s.push(t * model.stage.tick_s);
-        this.values(panel.chart, frame).forEach((value, k) => fresh[`v${k}`].push(value));
-      }
-      panel.filled = model.frames.length;
-      if (fresh.s.length) panel.source.stream(fresh);
+    /* A source of Bokeh's with a column for the time and one for each name. */
+    columns(names) {
+      return new Bokeh.ColumnDataSource({ data: Object.fromEntries(["s", ...names].map((name) => [name, []])) });
     }
 
-    figure(panel, names, lowest) {
+    /* Adds the ticks that a chart does not have yet. Ticks that were missed are a gap in its lines,
+       and a tick alone between two gaps, which is no line, is a dot. */
+    fill(panel) {
+      const { model } = this;
+      const { frames } = model;
+      const lines = [];
+      const dots = [];
+      for (let t = Math.max(panel.filled, model.firstTick); t < frames.length; t += 1) {
+        if (frames[t]) lines.push([t, this.values(panel.chart, frames[t])]);
+        else if (frames[t - 1]) {
+          lines.push([t, panel.names.map(() => NaN)]);
+          if (!frames[t - 2]) dots.push([t - 1, this.values(panel.chart, frames[t - 1])]);
+        }
+      }
+      panel.filled = frames.length;
+      for (const [source, rows] of [[panel.source, lines], [panel.dots, dots]]) {
+        if (!rows.length) continue;
+        const columns = panel.names.map((name, k) => [name, rows.map(([, values]) => values[k])]);
+        source.stream({ s: rows.map(([t]) => t * model.stage.tick_s), ...Object.fromEntries(columns) });
+      }
+    }
+
+    figure(panel, lowest) {
       const { look } = this;
-      const { chart } = panel;
+      const { chart, names } = panel;
       const range = { range_padding: 0.12 };
       if (chart.from !== undefined) range.start = chart.from;
       if (chart.to !== undefined) range.end = chart.to;
@@ -159,6 +170,8 @@
         const [x, y] = [{ field: "s" }, { field: name }];
         if (chart.id === "conflicts") figure.step(x, y, "after", line);
         else figure.line(x, y, line);
+        const dot = { source: panel.dots, size: DOT_PX, line_color: null, fill_color: style.colour };
+        figure.scatter(x, y, dot);
       });
       return figure;
     }
@@ -210,7 +223,7 @@
     update(model, time, moment) {
       if (model.version !== this.version) this.build(model);
       this.fillInTime(model);
-      if (model.status.state !== "running") for (const panel of this.panels) panel.range.end = this.endOf(model);
+      if (model.status.state === "ended") for (const panel of this.panels) panel.range.end = this.endOf(model);
       for (const { chart, value } of this.panels) {
         page.setText(value, chart.read(this.values(chart, moment.frame)));
       }

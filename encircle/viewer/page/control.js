@@ -21,8 +21,12 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
     { kind: "range", key: "range_m", title: "Range", unit: "m", perUnit: 1, min: 1, max: 40, step: 0.5 },
   ];
   const SILENCE_TICKS = 30;
+  const OVER = "The run is over: nothing can be changed.";
 
   const { element, byId, setText } = page;
+
+  /* Whether another loss, delay or range is in force from a frame's tick on. */
+  const changesRadio = ({ ev }) => ev.some(([kind]) => SLIDERS.some((about) => about.kind === kind));
 
   function button(text, title, act) {
     const made = element("button", { type: "button", title }, text);
@@ -31,12 +35,16 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
   }
 
   const shown = (value) => String(Number(value.toPrecision(4)));
+  const worded = (kind, value, unit) =>
+    value === undefined ? `${kind} as the scenario has it` : `${kind} ${shown(value)}\u00a0${unit}`;
 
   class Control {
     constructor(root, source, model, view) {
       Object.assign(this, { root, source, model, view, radio: null, tickS: 0.1, sides: new Set() });
       this.sliders = SLIDERS.map((about) => new Slider(about, (event) => this.give(event)));
       this.said = element("p", { id: "control-said", role: "status" });
+      this.when = element("small", {}, "from the next tick on");
+      this.over = element("p", { id: "control-over", role: "status", hidden: true }, OVER);
       this.robots = element("span", { class: "sides", role: "group", "aria-label": "One side of the cut" });
       this.silenced = element("select", { id: "control-silence", "aria-label": "Robot" });
       this.ticks = element("input", {
@@ -48,6 +56,7 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       this.listenToArena();
       model.listeners.push((message) => this.take(message));
       this.showRobots();
+      this.showOver();
       source.send({ radio: true });
     }
 
@@ -56,8 +65,8 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       const heal = button("Heal", "Cuts and silences end", () => this.give({ kind: "heal" }));
       const silence = button("Silence", "This robot's radio is off for so many ticks", () => this.silence());
       [cut.id, heal.id, silence.id] = ["control-cut", "control-heal", "control-hush"];
-      this.root.append(
-        element("h2", {}, "Radio in your hand ", element("small", {}, "from the next tick on")),
+      this.all = element(
+        "fieldset", {},
         ...this.sliders.map((slider) => slider.row),
         element("div", { class: "row" }, element("span", { class: "what" }, "Cut"), cut, heal, "◧ from ◨"),
         this.robots,
@@ -66,14 +75,21 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
           "for", this.ticks, "ticks", silence,
         ),
         element("div", { class: "row" }, element("span", { class: "what" }, "Target"), this.mover),
-        this.said,
+      );
+      this.root.append(
+        element("h2", {}, "Radio in your hand ", this.when), this.over, this.all, this.said,
       );
     }
 
     take(message) {
       if (message.stage) this.showRobots();
-      // After a new connection something may have been missed.
-      if (message.status) this.source.send({ radio: true });
+      if (message.status) {
+        this.showOver();
+        // After a new connection something may have been missed.
+        this.source.send({ radio: true });
+      } else if ((message.frames || []).some(changesRadio)) {
+        this.source.send({ radio: true });
+      }
       const { control } = message;
       if (!control) return;
       if (control.radio) this.showRadio(control.radio);
@@ -82,6 +98,17 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
         for (const slider of this.sliders) slider.show(slider.own, slider.now, this.tickS);
         this.say(control.refused, "bad");
       }
+    }
+
+    /* Of a run that is over nothing can be changed: nothing can be pressed, and why is told. */
+    showOver() {
+      const over = this.model.status.state === "ended";
+      this.over.hidden = !over;
+      this.when.hidden = over;
+      this.all.disabled = over;
+      if (!over) return;
+      this.arm(false);
+      for (const slider of this.sliders) slider.letGo();
     }
 
     showRadio(radio) {
@@ -95,7 +122,8 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       const slider = this.sliders.find(({ about }) => about.kind === event.kind);
       const value = slider ? event[slider.about.key] : undefined;
       if (slider) slider.show(slider.own, value === undefined ? null : value, this.tickS);
-      this.say(`Taken at tick ${given}, from tick ${event.tick} on: ${words(event)}`, "good");
+      const when = event.kind === "move-target" ? `at tick ${event.tick}` : `in force from tick ${event.tick} on`;
+      this.say(`Taken at tick ${given}; ${when}: ${words(event)}`, "good");
     }
 
     say(text, kind) {
@@ -103,8 +131,9 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       setText(this.said, text);
     }
 
-    /* Sends an event; whether there was a connection. */
+    /* Sends an event; whether there was a connection, and a run that goes on. */
     give(event) {
+      if (this.all.disabled) return false;
       const sent = this.source.send({ intervene: event });
       if (!sent) this.say("No connection: nothing was changed.", "bad");
       return sent;
@@ -183,8 +212,7 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       });
       this.output = element("output", { for: id });
       this.back = button("↺", "As the scenario has it", () => {
-        clearTimeout(this.timer);
-        this.timer = null;
+        this.stopTimer();
         this.give({ kind: about.kind });
       });
       this.back.id = `${id}-own`;
@@ -220,7 +248,7 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
         text = `${shown(value / about.perUnit)} ${about.unit}`;
         if (about.kind === "delay") {
           const ticks = Math.max(1, Math.ceil(value / this.tickS - 1e-9));
-          text += ` (${ticks} tick${ticks > 1 ? "s" : ""})`;
+          text += ` (${page.counted(ticks, "tick")})`;
         }
         if (isOwn) text += about.kind === "delay" ? "" : " (scenario)";
       }
@@ -236,9 +264,19 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
       this.timer = setTimeout(() => this.send(), wait);
     }
 
-    send() {
+    stopTimer() {
       clearTimeout(this.timer);
       this.timer = null;
+    }
+
+    /* Sends nothing of what was moved, and shows what is in force. */
+    letGo() {
+      this.stopTimer();
+      this.show(this.own, this.now, this.tickS);
+    }
+
+    send() {
+      this.stopTimer();
       // What was sent is not sent again before it is known what became of it.
       if (this.value === (this.wanted === null ? this.now : this.wanted)) return;
       this.wanted = this.value;
@@ -250,11 +288,11 @@ It sends {"radio": true} to ask what is in force, and {"intervene": EVENT}. */
   /* An event in a few words; what follows from it stands in the list of events. */
   function words(event) {
     switch (event.kind) {
-      case "loss": return event.rate === undefined ? "loss as the scenario has it" : `loss ${shown(100 * event.rate)} %`;
-      case "delay": return event.delay_s === undefined ? "delay as the scenario has it" : `delay ${shown(event.delay_s)} s`;
-      case "range": return event.range_m === undefined ? "range as the scenario has it" : `range ${shown(event.range_m)} m`;
+      case "loss": return worded("loss", event.rate === undefined ? undefined : 100 * event.rate, "%");
+      case "delay": return worded("delay", event.delay_s, "s");
+      case "range": return worded("range", event.range_m, "m");
       case "partition": return `cut ${event.groups.map((group) => group.join(", ")).join(" | ")}`;
-      case "silence": return `${event.robot} silent` + (event.ticks ? ` for ${event.ticks} ticks` : "");
+      case "silence": return `${event.robot} silent` + (event.ticks ? ` for ${page.counted(event.ticks, "tick")}` : "");
       case "move-target": return `target to (${event.position.map(shown).join(", ")}) m`;
       case "heal": return "cuts and silences end";
       default: return event.kind;

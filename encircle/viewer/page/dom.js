@@ -20,6 +20,9 @@
     if (element.textContent !== text) element.textContent = text;
   };
 
+  /* "1 tick", "2 ticks". */
+  page.counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
+
   /* Fits a canvas to its size on screen; returns its context, scaled to CSS pixels, and the size. */
   page.fittedCanvas = function (canvas) {
     const ratio = window.devicePixelRatio || 1;

@@ -12,9 +12,10 @@
     if (captured !== null && tick >= captured) return { kind: "captured", text: `captured at ${at(captured)}` };
     if (captured !== null) return { kind: "open", text: `not yet captured; capture at ${at(captured)}` };
     if (status.state === "running") return { kind: "open", text: "hunting" };
+    if (status.state === "waiting") return { kind: "open", text: "reading the recording" };
     if (!status.complete) return { kind: "cut", text: `cut off at ${at(lastTick)}` };
     const s = (lastTick * stage.tick_s).toFixed(1);
-    return { kind: "missed", text: `no capture in ${lastTick} ticks (${s} s)` };
+    return { kind: "missed", text: `no capture in ${page.counted(lastTick, "tick")} (${s} s)` };
   };
 
   /* The arena at a tick for who does not see it. */
@@ -50,7 +51,7 @@
       return { kind: "info", text: `Looking on since tick ${model.firstTick}: what was before is not known here.` };
     }
     if (model.status.missed_ticks) {
-      return { kind: "info", text: `This viewer was too slow for ${model.status.missed_ticks} ticks.` };
+      return { kind: "info", text: `This viewer was too slow for ${page.counted(model.status.missed_ticks, "tick")}.` };
     }
     return null;
   };
@@ -67,7 +68,8 @@
       document.title = `${stage.title || stage.run} · Encircle`;
       page.setText(page.byId("seed"), `seed ${stage.seed}`);
       const policies = [...new Set(stage.policies)].join(", ");
-      page.setText(page.byId("team"), `${stage.robots.length} robots, policy ${policies}; target: ${stage.behaviour}`);
+      const team = page.counted(stage.robots.length, "robot");
+      page.setText(page.byId("team"), `${team}, policy ${policies}; target: ${stage.behaviour}`);
       const words = stage.channel.slice(0, KNOWN_CHANNEL_MAX);
       const more = stage.channel.length > words.length ? "; …" : "";
       const channel = page.byId("channel");

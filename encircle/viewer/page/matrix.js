@@ -39,9 +39,10 @@
       const { robots } = this.stage;
       if (receiver === sender) return robots[receiver];
       const age = this.ages[receiver][sender];
-      if (age < 0) return `${robots[receiver]} has nothing of ${robots[sender]}`;
+      const ends = `packet of ${robots[sender]} that has reached ${robots[receiver]}`;
+      if (age < 0) return `no ${ends}`;
       const s = (age * this.stage.tick_s).toFixed(1);
-      return `${robots[receiver]} has of ${robots[sender]}: ${age} ticks old (${s} s)`;
+      return `newest ${ends}: ${page.counted(age, "tick")} old (${s} s)`;
     }
 
     /* Shows the ages of a frame. */

@@ -103,7 +103,7 @@
       return due > sentTick + 1 ? 1 : 0;
     }
 
-    /* How many packets that were sent before a tick have each of the fates. */
+    /* How many packets, and copies of packets, that were sent before a tick have each fate. */
     fateCounts(tick) {
       const { sums } = this;
       if (!sums.length) sums.push(new Int32Array(this.fates.length));
@@ -111,7 +111,12 @@
       for (let t = sums.length; t <= last; t += 1) {
         const sum = Int32Array.from(sums[t - 1]);
         const frame = this.frames[t - 1];
-        if (frame) for (const packet of frame.pk) sum[this.fateOf(t - 1, packet[2])] += 1;
+        if (frame) {
+          for (const [, , due, copyDue] of frame.pk) {
+            sum[this.fateOf(t - 1, due)] += 1;
+            if (copyDue > 0) sum[this.fateOf(t - 1, copyDue)] += 1;
+          }
+        }
         sums.push(sum);
       }
       return sums[Math.max(0, last)];

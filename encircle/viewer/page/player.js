@@ -85,8 +85,8 @@
         this.time += (s * this.speed) / this.model.stage.tick_s;
         if (this.time >= last) {
           this.time = last;
-          // A live run may go on: the page waits at its edge.
-          this.playing = this.model.status.state === "running";
+          // A live run may go on, and a recording be read on: the page waits at its edge.
+          this.playing = this.model.status.state !== "ended";
           this.changed();
         }
       }

@@ -5,7 +5,8 @@ Both sources have one interface. A message is an object with one or more of thes
   stage   the run's constants, as in docs/scene.md. A stage of another run empties the page.
   frames  a list of frames, in the order of ticks. A frame of a tick that the page has replaces it.
   status  what is known of the run as a whole; keys that are left out stay as they were:
-            state     "waiting" (no run yet), "running", or "ended" (no frame will follow)
+            state     "waiting" (no run yet, or a recording that is being read), "running", or
+                      "ended" (no frame will follow)
             text      one line for people, or ""
             complete  false if a recording was cut off before the end of its run
             beliefs   false if beliefs were not worked out

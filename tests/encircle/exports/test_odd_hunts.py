@@ -3,30 +3,12 @@
 from dataclasses import replace
 
 import pytest
+from helpers_export_readers import foxglove_ticks, rerun_ticks, rosbag2_ticks
 from helpers_exports import lossy_hunt
-from helpers_protobuf import decoded_messages
 from helpers_scene import hunted
-from rerun.chunk import RrdReader
-from rosbags.rosbag2 import Reader
 
 from encircle.exports import foxglove_file, foxglove_layout, rerun_file, rosbag2_directory
 from encircle.world.recording.recording import RecordingError
-
-
-def foxglove_ticks(path):
-    found = decoded_messages(path)
-    return [time_ns // 10**8 for topic, time_ns, *_ in found if topic == "/poses"]
-
-
-def rerun_ticks(path):
-    chunks = [c for c in RrdReader(path).stream() if c.entity_path == "/truth/target"]
-    return [tick for c in chunks for tick in c.to_record_batch().to_pydict()["tick"]]
-
-
-def rosbag2_ticks(path):
-    with Reader(path) as bag:
-        return [time_ns // 10**8 for c, time_ns, _ in bag.messages() if c.topic == "/tf"]
-
 
 FORMATS = pytest.mark.parametrize(
     ("export", "ticks_of"),

@@ -65,6 +65,24 @@ def test_trails_are_drawn_to_the_scale_of_the_bar(hunt):
     assert all((trail >= 0).all() and (trail <= (width, height)).all() for trail in trails)
 
 
+def test_no_trail_leads_to_where_the_target_was_moved_by_whomever():
+    event = {"kind": "move-target", "tick": 12, "position": [15.0, 15.0]}
+    changes = ["team.strategy='pursuit'", "ticks_max=30"]
+    by_hand = encircle.Interventions()
+    by_hand.give(event)
+    moved = [
+        encircle.run("sim1", link="memory", overrides=changes, interventions=by_hand),
+        encircle.run(
+            "sim1",
+            link="memory",
+            overrides=[*changes, "events=[{kind='move-target', tick=12, position=[15.0, 15.0]}]"],
+        ),
+    ]
+    drawings = [trails_svg(hunt.scenario, hunt.positions) for hunt in moved]
+    assert drawings[0] == drawings[1]
+    assert drawings[0].count("<polyline") == 4 + 2
+
+
 def test_positions_of_a_hunt_in_memory_are_those_that_it_records(tmp_path):
     hunt = encircle.run("sim2", link="memory", overrides=LOSSY, out=tmp_path / "run")
     truth = ground_truth_of(read_recording(tmp_path / "run")).positions

@@ -44,7 +44,7 @@ class Mail(CommandMail):
 class Driven:
     """A steered robot with its clock, its mail, and what it told."""
 
-    def __init__(self, setup=SETUP, by_clock=False):
+    def __init__(self, setup=SETUP, by_clock=False, command_s_max=COMMAND_S_MAX):
         self.now_s = 100.0
         self.by_clock = by_clock
         self.mail = Mail(lambda: self.now_s)
@@ -52,6 +52,7 @@ class Driven:
         self.steering = Steering(
             self.mail,
             lambda perception, by_clock: self.told.append((perception, by_clock)),
+            command_s_max,
             say=self.said.append,
             clock_s=lambda: self.now_s,
         )
@@ -120,16 +121,26 @@ def test_it_waits_again_once_there_is_a_command():
     assert robot.mail.waits == waits + 1
 
 
-def test_in_lock_step_a_velocity_holds_for_its_time_in_the_runs_ticks():
-    robot = Driven()
+@pytest.mark.parametrize(
+    ("command_s_max", "held"), [(COMMAND_S_MAX, 5), (0.3, 3), (0.7, 7), (0.25, 3), (0.01, 1)]
+)
+def test_in_lock_step_a_velocity_holds_for_its_time_in_the_runs_ticks(command_s_max, held):
+    robot = Driven(command_s_max=command_s_max)
     robot.mail.answers = [FORWARD]
     moved = [robot.step()[1].step != (0.0, 0.0) for _ in range(10)]
-    held = 1 + int(COMMAND_S_MAX / TICK_S)
     assert moved == [True] * held + [False] * (10 - held)
     assert robot.said == [
         "tick 0: steered by ROS 2",
-        f"tick {held}: no command for 0.5 s, standing",
+        f"tick {held}: no command for {command_s_max:g} s, standing",
     ]
+
+
+def test_in_lock_step_a_velocity_from_before_the_run_moves_nothing():
+    robot = Driven()
+    robot.mail.put(FORWARD)
+    assert [robot.step()[1].step for _ in range(2)] == [(0.0, 0.0)] * 2
+    robot.mail.answers = [FORWARD]
+    assert robot.step()[1].step != (0.0, 0.0)
 
 
 def test_by_the_clock_a_velocity_holds_for_its_time_and_nobody_waits():

@@ -5,6 +5,8 @@ import json
 import pytest
 
 from encircle.runner.hunts import default_directory, run
+from encircle.runner.memory import run_in_memory
+from encircle.world.arena.engine import build
 from encircle.world.loading.files import shipped
 from encircle.world.loading.load import load
 from encircle.world.recording.recording import read_recording
@@ -162,3 +164,13 @@ def test_the_default_directory_is_a_new_one_named_after_scenario_and_seed(tmp_pa
     first.mkdir(parents=True)
     assert str(default_directory("sim1", 3)) == "runs/sim1-seed3-2"
     assert str(default_directory("some/where/mine.toml", 1)) == "runs/mine-seed1-1"
+
+
+def test_progress_is_told_while_all_robots_are_away():
+    """So that a hunt in memory keeps its pace, takes interventions and can be stopped then."""
+    away = [{"kind": "crash", "robot": f"r{k}", "tick": 3, "ticks": 20} for k in range(1, 5)]
+    scenario = load("sim1").model_dump(mode="json", exclude_unset=True)
+    arena = build(load(scenario | {"events": away, "ticks_max": 25}), 1)
+    ticks = []
+    run_in_memory(arena, "away-0123456789ab", print, progress=lambda w: ticks.append(w.state.tick))
+    assert ticks == list(range(25))

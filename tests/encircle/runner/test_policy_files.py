@@ -3,6 +3,7 @@
 ``POLICY`` remembers how often it was asked, says so, and heads for where it is told.
 """
 
+import hashlib
 import json
 import os
 import sys
@@ -226,6 +227,20 @@ def test_a_file_that_is_not_the_worlds_is_not_even_imported(folder):
     (folder / "own" / "robots.py").write_text("open('imported', 'w').close()\n")
     assert "put the world's file on this host" in str(core_after(setup).failed)
     assert not (folder / "imported").exists()
+
+
+@pytest.mark.parametrize("text", ["from beside import teller", "teller = partial(pursue)"])
+def test_a_file_may_have_its_function_from_elsewhere_and_its_source_is_its_own(folder, text):
+    (folder / "own" / "beside.py").write_text(
+        "from encircle.agents.policies.paper import pursue\n"
+        "def teller(memory, view): return pursue(memory, view)\n"
+    )
+    (folder / "own" / "robots.py").write_text(
+        "from functools import partial\nfrom encircle.agents.policies.paper import pursue\n" + text
+    )
+    source = hashlib.sha256((folder / "own" / "robots.py").read_bytes()).hexdigest()
+    assert policy_source(NAME) == source
+    assert encircle.run("sim1", link="memory", overrides=OVERRIDES).result.ticks == 25
 
 
 def test_what_lies_beside_one_file_never_stands_for_what_lies_beside_another(folder):

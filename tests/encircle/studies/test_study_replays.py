@@ -149,6 +149,13 @@ def test_what_takes_long_is_left_out_of_few(made, tmp_path):
     assert {replay.problem for replay in replays[2:]} == {"it takes long: --replays all shows it"}
 
 
+def test_one_that_takes_long_leaves_room_for_those_that_do_not(made, tmp_path):
+    first, *others = chosen(made)[0]
+    runs = [first._replace(wall_s=9.5), *(run._replace(wall_s=1.0) for run in others)]
+    replays = write_replays(made.plan, runs, tmp_path, wall_s_max=9.0)
+    assert [bool(replay.page) for replay in replays] == [False] + [True] * len(others)
+
+
 def test_a_run_that_fails_is_shown_as_far_as_it_comes(tmp_path, monkeypatch, capfd):
     # Not by the variable: the tests' workers have the environment in which their server began.
     monkeypatch.chdir(tmp_path)

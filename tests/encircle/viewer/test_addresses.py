@@ -15,6 +15,10 @@ from encircle.viewer.addresses import is_loopback, is_meant_for
         ("127.0.0.1", 8080, "127.0.0.1", False),
         ("Laptop", 8080, "laptop:8080", True),
         ("::1", 8080, "[::1]:8080", True),
+        # At all of a machine's addresses it has no name of its own.
+        ("0.0.0.0", 8080, "192.0.2.7:8080", True),
+        ("0.0.0.0", 8080, "labhost:8080", False),
+        ("labhost", 8080, "labhost:8080", True),
     ],
 )
 def test_its_own_name_is_known_as_browsers_write_it(host, port, named, is_own):

@@ -71,7 +71,7 @@ def test_sliders_send_numbers_in_the_units_of_events_and_back_the_scenarios_own(
         seen.page.locator(f"#control-{name}").fill(value)
         assert given(served) == event
         served.send(control={"taken": {"given": 4, "event": event | {"tick": 5}}})
-        says(seen, "Taken at tick 4, from tick 5 on")
+        says(seen, "Taken at tick 4; in force from tick 5 on: ")
         assert seen.page.locator(f"#control-{name}").input_value() == value
     assert seen.text("output[for=control-delay]") == "0.25 s (3 ticks)"
     seen.page.click("#control-loss-own")
@@ -80,6 +80,21 @@ def test_sliders_send_numbers_in_the_units_of_events_and_back_the_scenarios_own(
     says(seen, "loss as the scenario has it")
     assert seen.text("output[for=control-loss]") == "40 % (scenario)"
     assert seen.page.locator("#control-loss-own").is_disabled()
+    assert seen.complaints == []
+
+
+def test_what_is_in_force_is_asked_anew_when_the_scenario_changes_the_radio(seen, served):
+    _, frames = shown()
+    served.send(frames=[frames[5] | {"ev": [["contact", "r1 and r2 touch", ["r1", "r2"]]]}])
+    served.send(frames=[frames[6] | {"ev": [["loss", "every link loses 70 % of packets", []]]}])
+    seen.until("encircle.state().events === 3")
+    seen.page.click("#control-heal")
+    said = [taken(served.heard), taken(served.heard)]
+    assert said == [{"radio": True}, {"intervene": {"kind": "heal"}}]
+    served.send(control={"radio": {"own": OWN, "now": NONE | {"rate": 0.7}, "tick_s": 0.1}})
+    seen.page.wait_for_function(
+        "document.querySelector('output[for=control-loss]').value === '70 %'"
+    )
     assert seen.complaints == []
 
 
@@ -122,6 +137,8 @@ def test_a_press_in_the_arena_moves_the_target_there_and_picks_nobody(seen, serv
         seen.page.mouse.click(middle[0] + right_px, middle[1] + down_px)
         event = given(served)
         assert event["kind"] == "move-target"
+        served.send(control={"taken": {"given": 4, "event": event | {"tick": 5}}})
+        says(seen, "Taken at tick 4; at tick 5: target to (")
         return np.array(event["position"])
 
     # The middle of the view is the middle of the hunt, more or less, and every metre is as long;
@@ -142,6 +159,29 @@ def test_a_press_in_the_arena_moves_the_target_there_and_picks_nobody(seen, serv
     seen.page.mouse.click(box["x"] + 5, box["y"] + 5)
     seen.page.click("#control-heal")
     assert given(served) == {"kind": "heal"}, "the press after Escape moved nothing"
+
+
+def test_when_the_run_is_over_nothing_can_be_pressed_and_the_page_says_why(seen, served):
+    controls = seen.page.locator("#control button, #control input, #control select")
+    assert controls.count() > 10
+    assert not seen.page.locator("#control-over").is_visible()
+    seen.page.click("#control-move")
+    seen.page.locator("#control-delay").focus()
+    served.send(status={"state": "ended"})
+    seen.page.wait_for_selector("#control-over:has-text('The run is over')")
+    assert controls.evaluate_all("all => all.every((one) => one.matches(':disabled'))")
+    assert seen.page.get_attribute("#control-move", "aria-pressed") == "false"
+    assert seen.press("Home").state()["tick"] == 0, "keys are for the page again"
+    box = seen.page.locator("#arena").bounding_box()
+    seen.page.mouse.click(box["x"] + 5, box["y"] + 5)
+    assert seen.complaints == []
+    stage, frames = shown()
+    served.send(stage=stage | {"run": "another"}, frames=frames, status={"state": "running"})
+    seen.page.wait_for_selector("#control-over", state="hidden")
+    seen.page.click("#control-heal")
+    while "intervene" not in (heard := taken(served.heard)):
+        assert heard == {"radio": True}
+    assert heard["intervene"] == {"kind": "heal"}, "before it nothing was sent"
 
 
 def test_after_a_lost_connection_it_asks_again_what_is_in_force(seen, served):

@@ -5,6 +5,7 @@ import gzip
 import json
 import re
 from hashlib import sha256
+from xml.etree import ElementTree
 
 import pytest
 from helpers_scene import hunted
@@ -46,6 +47,13 @@ def test_nothing_in_the_file_is_loaded(text):
             assert page_text(name) in text, name
     for name in BOKEH_SCRIPTS:
         assert page_text(name)[:400] in text
+
+
+def test_the_icon_is_in_the_file(text):
+    (address,) = re.findall(r'<link rel="icon" type="image/svg\+xml" href="([^"]*)">', text)
+    kind, _, content = address.partition(";base64,")
+    assert kind == "data:image/svg+xml"
+    assert ElementTree.fromstring(base64.b64decode(content)).tag.endswith("}svg")
 
 
 def test_only_the_scripts_in_the_file_may_run(text):

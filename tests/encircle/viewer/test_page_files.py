@@ -7,8 +7,16 @@ import pytest
 from helpers_paths import ROOT
 
 from encircle.scene import palette
-from encircle.viewer.html_export import SCRIPT, STYLE
-from encircle.viewer.page_files import BOKEH_SCRIPTS, INDEX, PAGE, page_names, page_text, page_type
+from encircle.viewer.html_export import ICON_LINK, SCRIPT, STYLE
+from encircle.viewer.page_files import (
+    BOKEH_SCRIPTS,
+    ICON,
+    INDEX,
+    PAGE,
+    page_names,
+    page_text,
+    page_type,
+)
 from encircle.world.channel.loss_causes import CAUSES
 
 LINES_MAX = 350
@@ -17,7 +25,9 @@ LONGEST_LINE = 124
 
 def test_the_index_loads_every_file_and_no_other():
     index = page_text(INDEX)
-    loaded = [*SCRIPT.findall(index), *STYLE.findall(index)]
+    icons = [name for _, _, name, _ in ICON_LINK.findall(index)]
+    assert icons == [ICON]
+    loaded = [*SCRIPT.findall(index), *STYLE.findall(index), *icons]
     assert sorted(loaded) == sorted({*page_names(), *BOKEH_SCRIPTS} - {INDEX})
     assert len(re.findall("<script", index)) == len(SCRIPT.findall(index)), "none is in the page"
 
@@ -30,7 +40,7 @@ def test_no_file_of_the_page_is_fetched_from_elsewhere_or_is_of_others():
         assert "innerHTML" not in text, name
         assert max(map(len, text.splitlines())) <= LONGEST_LINE or name == INDEX, name
         assert len(text.splitlines()) <= LINES_MAX, name
-    assert {path.suffix for path in PAGE.iterdir()} == {".html", ".css", ".js"}
+    assert {path.suffix for path in PAGE.iterdir()} == {".html", ".css", ".js", ".svg"}
 
 
 def test_the_served_page_runs_only_scripts_of_its_server():
@@ -74,3 +84,8 @@ def test_every_fate_has_words():
 
 def test_the_files_are_installed():
     assert '"encircle.viewer" = ["page/*"]' in (ROOT / "pyproject.toml").read_text()
+
+
+def test_the_site_of_the_docs_has_the_pages_icon():
+    favicon = re.search(r'(?m)^html_favicon = "(.*)"$', (ROOT / "docs/conf.py").read_text())[1]
+    assert (ROOT / "docs" / favicon).resolve() == PAGE / ICON

@@ -6,8 +6,10 @@ from math import hypot
 import pytest
 from helpers_scene import hunted
 
+from encircle.runner.hunts import run
 from encircle.scene.builder import scene_of_recording
 from encircle.viewer.html_export import page_html
+from encircle.world.recording.recording import read_recording
 
 pytestmark = pytest.mark.browser
 
@@ -135,6 +137,21 @@ def test_counts_of_fates_are_the_scenes(page_of):
         for fate in ("arrived", "late", "loss"):
             assert seen.text(f"[data-fate={fate}] .count") == str(counts[fate])
     assert min(counts[fate] for fate in ("arrived", "late", "loss")) > 0
+
+
+def test_copies_of_packets_count_as_in_the_runs_result(page_of, tmp_path):
+    changes = [
+        'channel.delay={model="uniform", low_s=0.0, high_s=0.5}',
+        "channel.duplication.rate=0.3",
+        "ticks_max=25",
+    ]
+    hunt = run("sim1", link="memory", overrides=changes, out=tmp_path / "run")
+    shown = scene_of_recording(read_recording(tmp_path / "run"))
+    fates = page_of(shown).do("seek(25)").state()["fates"]
+    sent = [due for f in shown.frames for p in f.packets for due in (p.due, p.copy_due)]
+    in_flight = sum(due > 25 for due in sent)
+    assert fates["arrived"] + fates["late"] - in_flight == hunt.result.packets_delivered
+    assert hunt.result.packets_copied > 0
 
 
 def test_a_fate_can_be_switched_off(page_of):

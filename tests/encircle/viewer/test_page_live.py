@@ -112,6 +112,21 @@ def test_a_replay_from_a_server_waits_at_its_start(seen, served):
     assert "cut off" in state["notice"]
 
 
+def test_a_recording_that_is_still_being_read_says_nothing_of_its_end(seen, served):
+    stage, frames = shown()
+    served.send(stage=stage, frames=frames[:6], status={"state": "waiting"})
+    seen.until("encircle.state().last_tick === 5")
+    assert seen.state()["outcome"] == "reading the recording"
+    seen.do("play()").until("encircle.state().time === 5")
+    assert seen.state()["playing"], "it waits for what is read next"
+    served.send(frames=frames[6:])
+    served.send(status={"state": "ended", "complete": True})
+    last = len(frames) - 1
+    seen.until(f"encircle.state().time === {last} && !encircle.state().playing")
+    assert seen.state()["outcome"] != "reading the recording"
+    assert seen.complaints == []
+
+
 def test_who_comes_late_sees_what_is_left_and_that_something_is_not(seen, served):
     stage, frames = shown()
     served.send(stage=stage, frames=frames[10:20], status=RUNNING)
@@ -133,6 +148,44 @@ def test_ticks_that_were_missed_on_the_way_are_told_and_passed_over(seen, served
     for tick in (6, 7, 8, 9, 12, 13):
         assert seen.do(f"seek({tick})").state()["tick"] == tick
     seen.do("select('r1')").do("play()").until("encircle.state().tick >= 15")
+    assert seen.complaints == []
+
+
+def drawn_lines(seen):
+    """The columns that each chart draws as lines and as dots, by its place; None for a gap."""
+    seen.until("document.querySelectorAll('#charts .bk-Figure').length === 6")
+    return seen.page.evaluate(
+        """() => Bokeh.documents.map((document) => {
+          const [lines, dots] = document.roots()[0].renderers.map(({ data_source }) => data_source);
+          const columns = ({ data }) => Object.fromEntries(["s", "v0"].map((name) =>
+            [name, [...data[name]].map((value) => (Number.isFinite(value) ? value : null))]));
+          return { lines: columns(lines), dots: columns(dots) };
+        })"""
+    )
+
+
+def test_curves_have_gaps_where_ticks_were_missed_and_dots_between_two(seen, served):
+    stage, frames = shown()
+    parts = [
+        [frame for frame in frames if frame["t"] in ticks]
+        for ticks in ((4, 5, 8), (10, 11), (12, 16), range(17, 25))
+    ]
+    served.send(stage=stage, frames=parts[0], status=RUNNING)
+    for part in parts[1:]:
+        served.send(frames=part)
+    seen.until("encircle.state().last_tick === 24")
+    seen.until(
+        "Bokeh.documents.length === 6 && Bokeh.documents.every((document) =>"
+        " document.roots()[0].renderers[0].data_source.data.s.length === 18)"
+    )
+    drawn = drawn_lines(seen)
+    ticks = [4, 5, 6, 8, 9, 10, 11, 12, 13, *range(16, 25)]
+    known = [t for t in ticks if t not in (6, 9, 13)]
+    for chart, column in ((0, lambda val: val["d"][0]), (3, lambda val: val["age"])):
+        lines, dots = drawn[chart]["lines"], drawn[chart]["dots"]
+        assert lines["s"] == pytest.approx([0.1 * t for t in ticks])
+        assert [t for t, v in zip(ticks, lines["v0"], strict=True) if v is not None] == known
+        assert dots == {"s": [pytest.approx(0.8)], "v0": [pytest.approx(column(frames[8]["val"]))]}
     assert seen.complaints == []
 
 

@@ -14,10 +14,12 @@ from tornado.httpclient import HTTPClientError
 
 from encircle.scene.as_json import frame_json, stage_json
 from encircle.scene.builder import scene_of_recording
-from encircle.viewer import server as server_module
+from encircle.viewer import handlers
+from encircle.viewer.addresses import ServerFailed
+from encircle.viewer.handlers import PAGES_MAX, TAKEN_AT_ONCE_MAX
 from encircle.viewer.history import MESSAGE_BYTES_MAX, History
 from encircle.viewer.page_files import BOKEH_SCRIPTS, page_names, page_text
-from encircle.viewer.server import PAGES_MAX, TAKEN_AT_ONCE_MAX, PageServer, ServerFailed
+from encircle.viewer.server import PageServer
 
 ENDED = {"state": "ended", "complete": True}
 
@@ -56,6 +58,9 @@ def test_the_files_of_the_page_are_served_and_nothing_else(serving):
             assert answer.headers["X-Content-Type-Options"] == "nosniff"
         types = [(await fetched(server, n)).headers["Content-Type"] for n in ("", "page.js")]
         assert types == ["text/html; charset=utf-8", "text/javascript; charset=utf-8"]
+        icon = await fetched(server, "favicon.ico")
+        assert (icon.code, icon.headers["Content-Type"]) == (200, "image/svg+xml; charset=utf-8")
+        assert icon.body.decode() == page_text("icon.svg")
         for name in ("server.py", "../server.py", "%2e%2e/server.py", "page/", "nothing.js"):
             assert (await fetched(server, name)).code == 404
 
@@ -105,15 +110,15 @@ def test_a_page_gets_all_there_is_and_what_is_new_and_then_the_end(serving):
     server, frames = serving(), scene().frames
 
     async def look():
-        server.history.add(frames[:10], {"state": "running"})
+        server.site.history.add(frames[:10], {"state": "running"})
         feed = await resumed(server)
         first = await read(feed)
         assert first["stage"] == json.loads(json.dumps(stage_json(scene().stage)))
         assert first["frames"] == as_read(frames[:10])
         assert (first["status"]["state"], first["status"]["control"]) == ("running", False)
-        server.history.add(frames[10:12])
+        server.site.history.add(frames[10:12])
         assert await read(feed) == {"frames": as_read(frames[10:12])}
-        server.history.add(frames[12:], ENDED)
+        server.site.history.add(frames[12:], ENDED)
         rest = await read_until_ended(feed)
         assert rest["frames"] == as_read(frames[12:])
 
@@ -133,7 +138,7 @@ def test_a_page_gets_all_there_is_and_what_is_new_and_then_the_end(serving):
 )
 def test_a_page_that_comes_back_gets_what_it_does_not_have(serving, shown, tick, first, has_stage):
     server, frames = serving(), scene().frames
-    server.history.add(frames, ENDED)
+    server.site.history.add(frames, ENDED)
 
     async def look():
         found = await read_until_ended(await resumed(server, shown, tick))
@@ -154,11 +159,11 @@ def test_a_page_that_does_not_read_costs_one_message_and_gets_all_when_it_does(s
         frozen = await resumed(server)
         healthy = await resumed(server)
         for part in range(0, many, 100):
-            server.history.add(numbered(range(part, part + 100)))
-        server.history.add([], ENDED)
+            server.site.history.add(numbered(range(part, part + 100)))
+        server.site.history.add([], ENDED)
         whole = await read_until_ended(healthy)
         assert [frame["t"] for frame in whole["frames"]] == list(range(many))
-        waiting = [page.ws_connection.stream._write_buffer for page in server.pages]
+        waiting = [page.ws_connection.stream._write_buffer for page in server.site.pages]
         assert all(len(buffer) <= 2 * MESSAGE_BYTES_MAX for buffer in waiting)
         whole = await read_until_ended(frozen)
         assert [frame["t"] for frame in whole["frames"]] == list(range(many))
@@ -181,7 +186,7 @@ def test_a_page_that_floods_is_shut_out_and_others_are_not(serving):
                 await say(bad, hello=1)
         assert await read(bad) is None
         assert bad.close_code == 1008
-        server.history.add(scene().frames[:1])
+        server.site.history.add(scene().frames[:1])
         assert len((await read(good))["frames"]) == 1
 
     run(look)
@@ -205,7 +210,7 @@ def test_so_many_pages_at_once_and_no_more(serving):
         assert await read(await connected(server)) is None
         feeds[0].close()
         until_fewer = asyncio.get_running_loop().run_in_executor
-        await until_fewer(None, until, lambda: len(server.pages) < PAGES_MAX, "a page to go")
+        await until_fewer(None, until, lambda: len(server.site.pages) < PAGES_MAX, "a page to go")
         assert (await read(await resumed(server)))["stage"]["run"] == "seen"
 
     run(look)
@@ -240,7 +245,7 @@ def test_only_who_has_the_token_may_change_the_run(serving):
 
 def test_beyond_this_machine_nobody_has_a_token(serving):
     server = serving(host="0.0.0.0", on_message=lambda has_token, _said: {"may": has_token})
-    assert server.token == ""
+    assert server.site.token == ""
     assert "token" not in server.address
 
     async def look():
@@ -288,7 +293,7 @@ def test_what_goes_wrong_in_the_server_is_one_line(serving, capsys, monkeypatch)
     def fail(_name):
         raise ZeroDivisionError("of all things")
 
-    monkeypatch.setattr(server_module, "page_text", fail)
+    monkeypatch.setattr(handlers, "page_text", fail)
 
     async def ask():
         assert (await fetched(serving(), "")).code == 500

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -71,15 +72,32 @@ def test_a_line_is_one_write_so_that_lines_of_several_threads_stay_whole(monkeyp
     assert writes == ["one\n", "two\n"]
 
 
+def test_who_does_not_read_one_stream_does_not_keep_what_is_said_on_the_other(monkeypatch):
+    said = []
+
+    def write(_line):
+        # As long as nobody reads this one, another thread has something to say on the other one.
+        thread = threading.Thread(target=say_error, args=("told",), daemon=True)
+        thread.start()
+        thread.join()
+
+    unread = SimpleNamespace(write=write, flush=lambda: None)
+    monkeypatch.setattr(sys, "stdout", unread)
+    monkeypatch.setattr(sys, "stderr", SimpleNamespace(write=said.append, flush=lambda: None))
+    say("unread")
+    assert said == ["told\n"]
+
+
 def test_reports_that_several_threads_print_at_once_stay_whole():
     program = """
 import sys, threading
-from encircle.world.process.reports import report_as_json
+from encircle.world.process.reports import json_reports
 sys.setswitchinterval(1e-6)
-report = lambda: [report_as_json({"tick": n}) for n in range(2000)]
-threads = [threading.Thread(target=report) for _ in range(4)]
-[thread.start() for thread in threads]
-[thread.join() for thread in threads]
+with json_reports() as report:
+    work = lambda: [report({"tick": n}) for n in range(2000)]
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
 """
     out = subprocess.check_output([sys.executable, "-c", program], text=True)
     ticks = [json.loads(line)["tick"] for line in out.splitlines()]

@@ -74,7 +74,7 @@ def test_an_empty_variable_is_an_absent_one(options):
 @pytest.mark.parametrize(
     ("arguments", "environment", "said"),
     [
-        ([], {"ENCIRCLE_RUN": "demo"}, "id is missing: give it, or set ENCIRCLE_ROBOT"),
+        ([], {"ENCIRCLE_RUN": "demo"}, "id is missing (who): give it, or set ENCIRCLE_ROBOT"),
         (["r1"], {}, "--run is missing: give it, or set ENCIRCLE_RUN"),
         (["r1"], {"ENCIRCLE_RUN": "a/b"}, "ENCIRCLE_RUN: run 'a/b' is not a valid name"),
         (["r1", "--run", "a/b"], {}, "argument --run: run 'a/b' is not a valid name"),
@@ -86,7 +86,14 @@ def test_an_empty_variable_is_an_absent_one(options):
         ([], ALL | {"ENCIRCLE_STAY": "maybe"}, "ENCIRCLE_STAY: 'maybe' is not one of 1, yes,"),
         (["--join-timeot", "3"], ALL, "--join-timeot (did you mean '--join-timeout'?)"),
         (["--stay=yes", "x"], ALL, "argument --stay: ignored explicit argument 'yes'"),
-        (["r1", "r2"], ALL, "unrecognized arguments: r2"),
+        (["r1", "r2"], ALL, "unrecognized arguments: r2\n"),
+        # As a shell leaves a={b=1, c=2} and {a.b=1,a.c=2} without quotes.
+        (
+            ["r1", "--set", "a={b=1,", "c=2}"],
+            ALL,
+            'c=2} (put all of it in quotes: --set "KEY=VALUE")',
+        ),
+        (["r1", "--set", "a.b=1", "a.c=2"], ALL, "a.c=2 (put all of it in quotes: --set"),
         (["--joint", "3"], ALL, "unrecognized arguments: --joint"),
     ],
 )
@@ -94,7 +101,7 @@ def test_what_is_wrong_is_named_in_one_line(options, capsys, arguments, environm
     with pytest.raises(SystemExit) as ended:
         options.parse(arguments, environment)
     assert ended.value.code == 2
-    last = capsys.readouterr().err.splitlines()[-1]
+    (last,) = capsys.readouterr().err.splitlines(keepends=True)
     assert last.startswith("encircle thing: error: ")
     assert said in last
 

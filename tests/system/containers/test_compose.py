@@ -188,6 +188,31 @@ def test_a_policy_in_the_mounted_folder_needs_no_packaging(
     assert summary(runs)["digest"] == memory.digest
 
 
+def test_a_learned_policy_hunts_in_containers_from_the_file_that_training_wrote(
+    engine, runs, tmp_path, monkeypatch
+):
+    folder = tmp_path / "files"
+    folder.mkdir()
+    folder.chmod(0o755)
+    for name in ("learned.py", "scene.toml"):
+        shutil.copyfile(ROOT / "examples" / "learned" / name, folder / name)
+        (folder / name).chmod(0o644)
+    monkeypatch.chdir(folder)
+    strategy = "team.strategy=learned.py:learned"
+    memory = encircle.run("scene.toml", link="memory", overrides=[strategy])
+    settings = {
+        "ENCIRCLE_HOST_RUNS": str(runs),
+        "ENCIRCLE_FILES": str(folder),
+        "ENCIRCLE_SCENARIO": "/files/scene.toml",
+        "ENCIRCLE_SET": strategy,
+    }
+    with Project(engine, "learned", ONE, settings) as project:
+        project.up()
+        assert project.statuses() == dict.fromkeys([*NODE_KINDS, "runs"], 0), project.logs("r1")
+    assert summary(runs)["digest"] == memory.digest
+    assert summary(runs)["packets_lost"]["loss"] > 0
+
+
 def test_a_second_up_records_beside_the_first(engine, runs):
     settings = {"ENCIRCLE_HOST_RUNS": str(runs), "ENCIRCLE_SEED": "7"}
     with Project(engine, "twice", ONE, settings) as project:

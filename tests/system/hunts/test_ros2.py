@@ -148,7 +148,7 @@ def test_in_lock_step_a_ros_2_node_decides_tick_by_tick(hunts, tmp_path):
         targets = client.echo("/r3/belief/target", ODOMETRY)
         steered = hunt.steer("r3")
         client.wait_for_topic("/r3/belief/pose")
-        assert client.info("/r3/cmd_vel").subscriber_count == 1
+        until(lambda: client.info("/r3/cmd_vel").subscriber_count == 1, "who takes velocities")
         for robot in ("r1", "r2", "r4"):
             hunt.start_robot(robot)
         assert hunt.world.end() == 0
@@ -299,4 +299,4 @@ def test_without_rosbags_a_line_says_what_to_install():
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert done.returncode == 2
-    assert done.stderr == 'encircle: encircle ros2 needs rosbags: pip install "encircle[ros2]"\n'
+    assert done.stderr == 'encircle: ros2 needs rosbags: pip install "encircle[ros2]"\n'

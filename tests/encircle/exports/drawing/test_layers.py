@@ -61,15 +61,16 @@ def test_the_region_of_an_estimate_holds_the_target_with_its_probability():
 def test_a_ghost_fades_with_age_and_tells_it():
     scene = scene_of_recording(lossy_hunt())
     frame = scene.frames[0]
-    for age_ticks, opacity in ((0, 1.0), (20, 1.0 / 3.0), (40, 1.0 / 9.0)):
+    ages = {0: "0 ticks", 1: "1 tick", 20: "20 ticks", 40: "40 ticks"}
+    for age_ticks, told in ages.items():
         peer = PeerBelief(1, 3.0, 4.0, age_ticks, False)
         belief = Belief(CLEAR, (peer,), None, None, ())
         drawn = layers.beliefs(scene.stage, replace(frame, beliefs=(belief, None, None)), 0)
         (outline,) = shapes(drawn, "r2", Line)
-        assert outline.colour.a == pytest.approx(opacity)
+        assert outline.colour.a == pytest.approx(3.0 ** (-age_ticks / 20))
         assert not shapes(drawn, "r2", Disc), "it is not planned with"
         (label,) = shapes(drawn, "r2", Label)
-        assert f"{age_ticks} ticks" in label.text
+        assert label.text == f"r2, {told}"
 
 
 def test_a_large_team_s_ghosts_are_discs_alone():
