@@ -6,12 +6,13 @@ its files first. This process compares what comes back.
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from functools import partial
 from itertools import groupby
 from pathlib import Path
+from typing import NamedTuple
 
 from encircle.bundles.bundle_file import POLICIES_FOLDER, BundleError
 from encircle.bundles.bundle_plan import policy_member
@@ -21,17 +22,32 @@ from encircle.bundles.recordings import RecordingFindings, RecordingJob, look_at
 from encircle.bundles.sampling import altered_max, sampled
 from encircle.bundles.table_text import UNREPEATABLE, Row, columns_of, equal
 from encircle.protocol.plugin_files import FOLDERS, is_in_file
+from encircle.protocol.plugins import error_line
 from encircle.protocol.process.interrupts import signals_held
 from encircle.protocol.process.tracebacks import TRACEBACK_IN
 from encircle.runner import process_pool as pool
 from encircle.studies.tasks import FAILED, TRACEBACK, Task, run_task
+from encircle.world.scenario.errors import ScenarioError
 
 TASK_RUNS = 4
 NOT_REPEATED = (UNREPEATABLE, "code", "versions")
 Tell = Callable[[int, int], None]
 
 
-def do(policies: str, job: Task | RecordingJob) -> tuple[str, list[Row]] | RecordingFindings:
+class NotRun(NamedTuple):
+    """A piece of work that could not be done, as of a policy that cannot be imported."""
+
+    cell: int
+    rows: int
+    recordings: int
+    reason: str
+
+
+Job = Task | RecordingJob
+Answer = tuple[str, list[Row]] | RecordingFindings | NotRun
+
+
+def do(policies: str, job: Job) -> Answer:
     """One piece of work of a process: rows to run, or a recording to look at.
 
     ``policies``: the folder of the bundle's policies; empty if they must not be run.
@@ -39,7 +55,13 @@ def do(policies: str, job: Task | RecordingJob) -> tuple[str, list[Row]] | Recor
     folders = os.environ.get(FOLDERS, "").split(os.pathsep)
     if policies and policies not in folders:
         os.environ[FOLDERS] = os.pathsep.join(filter(None, [policies, *folders]))
-    return look_at(job) if isinstance(job, RecordingJob) else run_task(job)
+    try:
+        return look_at(job) if isinstance(job, RecordingJob) else run_task(job)
+    except Exception as error:
+        # What is run is a stranger's.
+        reason = error.args[0] if isinstance(error, ScenarioError) else error_line(error)
+        rows = 0 if isinstance(job, RecordingJob) else len(job.seeds)
+        return NotRun(job.cell, rows, int(not rows), " ".join(str(reason).split()))
 
 
 def check_by_running(
@@ -62,20 +84,26 @@ def check_by_running(
     there = {(row["cell"], row["seed"]): row for row in contents.rows}
     chosen = [run for run in chosen if run in there]
     recordings = _recording_jobs(contents, able)
-    jobs: list[Task | RecordingJob] = [*_tasks(contents, chosen, away), *recordings]
+    jobs: list[Job] = [*_tasks(contents, chosen, away), *recordings]
     again: dict[tuple[int, int], Row] = {}
     looked: list[RecordingFindings] = []
     codes = set()
+    not_run: list[NotRun] = []
     tell(0, len(chosen) + len(recordings))
     for answer in _answers(jobs, workers, contents.folder if runs_files else None):
         if isinstance(answer, RecordingFindings):
             looked.append(answer)
+        elif isinstance(answer, NotRun):
+            not_run.append(answer)
         else:
             codes.add(answer[0])
             again |= {(row["cell"], row["seed"]): row for row in answer[1]}
         tell(len(again) + len(looked), len(chosen) + len(recordings))
-    different = sum(_compare_row(contents, found, there[run], again[run]) for run in chosen)
-    _say_rows(contents, found, len(chosen), different, len(able), seed)
+    # What comes back from code of the bundle may be anything.
+    ran = [run for run in chosen if run in again]
+    different = sum(_compare_row(contents, found, there[run], again[run]) for run in ran)
+    _say_not_run(found, not_run)
+    _say_rows(contents, found, ran, different, set(able) - {one.cell for one in not_run}, seed)
     _say_code(contents, found, codes if not away else set(), different)
     _say_recordings(contents, found, looked)
 
@@ -122,9 +150,7 @@ def _recording_jobs(contents: Contents, able: Sequence[int]) -> list[RecordingJo
     ]
 
 
-def _answers(
-    jobs: Sequence[Task | RecordingJob], workers: int, folder: Path | None
-) -> Iterator[tuple[str, list[Row]] | RecordingFindings]:
+def _answers(jobs: Sequence[Job], workers: int, folder: Path | None) -> Iterator[Answer]:
     if not jobs:
         return
     policies = "" if folder is None else str(folder / POLICIES_FOLDER)
@@ -152,37 +178,55 @@ def _compare_row(contents: Contents, found: Verification, given: Row, again: Row
     return found.count > before
 
 
+def _say_not_run(found: Verification, not_run: Sequence[NotRun]) -> None:
+    for reason in sorted({one.reason for one in not_run}):
+        ones = [one for one in not_run if one.reason == reason]
+        rows, recordings = sum(one.rows for one in ones), sum(one.recordings for one in ones)
+        found.unchecked.append(
+            f"{rows} rows and {recordings} recordings could not be run: {reason}"
+        )
+
+
 def _say_rows(
-    contents: Contents, found: Verification, run: int, different: int, cells: int, seed: int
+    contents: Contents,
+    found: Verification,
+    ran: Sequence[tuple[int, int]],
+    different: int,
+    able: Collection[int],
+    seed: int,
 ) -> None:
+    """What came of the rows. ``ran``: those that were run; ``able``: cells whose runs can be."""
     plan = contents.plan
-    seeds, all_rows = len(plan.seed_list), len(contents.rows)
-    could = cells * seeds
-    found.numbers["rows"] = {"of": all_rows, "rerun": run, "different": different, "seed": seed}
-    if could < plan.runs:
-        lacking = sorted({name for c in range(len(plan.cells)) for _, name in plan.needed(c)})
+    seeds, run, could = len(plan.seed_list), len(ran), len(able) * len(plan.seed_list)
+    numbers = {"of": len(contents.rows), "rerun": run, "different": different, "seed": seed}
+    found.numbers["rows"] = numbers
+    if lacking := sorted({name for c in range(len(plan.cells)) for _, name in plan.needed(c)}):
+        _say_lacking(found, lacking, plan.runs - could, plan.runs)
+    if run and not different:
+        found.agreed.append(
+            f"{run} of {len(contents.rows)} rows were rerun: their digests and all"
+            f" {len(plan.measure_names)} measures are equal"
+        )
+    sampled_here = sum(cell in able for cell, _ in ran)
+    if sampled_here < could and not different:
+        most = altered_max(len(able), seeds, sampled_here) if sampled_here else could
+        numbers["altered_max"] = most
+        found.unchecked.append(
+            f"{could - sampled_here} of {could} rows were not rerun (--seed {seed} draws the same;"
+            f" --all runs all): altered rows may have escaped, at most {most}"
+            f" ({100.0 * most / could:.3g} %) with 95 % confidence"
+        )
+    found.unchecked.append(f"{UNREPEATABLE}, how long a run took, is another each time")
+
+
+def _say_lacking(found: Verification, lacking: Sequence[str], rows: int, of: int) -> None:
+    if rows:
         in_files = any(is_in_file(name) for name in lacking)
         hint = "; --run-policies runs those in the bundle, read them first" if in_files else ""
         found.unchecked.append(
-            f"{plan.runs - could} of {plan.runs} rows: they need {', '.join(lacking)}, which is"
-            f" code that was not run, or is not here{hint}"
+            f"{rows} of {of} rows: they need {', '.join(lacking)}, which is code that was not run,"
+            f" or is not here{hint}"
         )
-    measures = len(plan.measure_names)
-    if run and not different:
-        found.agreed.append(
-            f"{run} of {all_rows} rows were rerun: their digests and all {measures} measures are"
-            " equal"
-        )
-    if run < could and not different:
-        most = altered_max(cells, seeds, run) if run else could
-        share = most / could
-        found.numbers["rows"]["altered_max"] = most
-        found.unchecked.append(
-            f"{could - run} of {could} rows were not rerun (--seed {seed} draws the same; --all"
-            f" runs all): altered rows may have escaped, at most {most} ({100.0 * share:.3g} %)"
-            " with 95 % confidence"
-        )
-    found.unchecked.append(f"{UNREPEATABLE}, how long a run took, is another each time")
 
 
 def _say_code(contents: Contents, found: Verification, codes: set[str], different: int) -> None:

@@ -42,7 +42,8 @@ def table_text(plan: Plan, rows: Iterable[Mapping[str, Any]]) -> str:
     """The table as CSV."""
     columns = columns_of(plan)
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    # Its line ends are both characters, so that a text with one of them is put in quotes.
+    writer = csv.writer(text)
     writer.writerow(columns)
     for row in rows:
         writer.writerow([_cell_text(kind, row[name]) for name, kind in columns.items()])

@@ -5,6 +5,7 @@ what made them; only a run made again can then tell.
 """
 
 import csv
+import hashlib
 import io
 import json
 from contextlib import closing
@@ -73,8 +74,12 @@ def written(members, path):
 def with_hashes(members):
     """The members with a manifest that has their hashes, and is as it was otherwise."""
     tree = json.loads(members[MANIFEST])
-    made = manifest(read_any(members), "", {}, members, {key: tree[key] for key in GIVEN})
-    members[MANIFEST] = manifest_bytes({**tree, "members": made["members"]})
+    hashes = {
+        name: {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+        for name, content in members.items()
+        if name != MANIFEST
+    }
+    members[MANIFEST] = manifest_bytes({**tree, "members": hashes})
     return members
 
 

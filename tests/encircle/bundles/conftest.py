@@ -3,7 +3,7 @@
 import pytest
 from helpers_bundles import packed, study_of
 
-from encircle.bundles import report_checks
+from encircle.bundles import packing, report_checks
 from encircle.bundles.bundle_plan import plan_text
 from encircle.bundles.table_text import table_text
 
@@ -39,4 +39,5 @@ def reports_made_once(monkeypatch):
             REPORTS[key] = make(plan, table)
         return dict(REPORTS[key])
 
-    monkeypatch.setattr(report_checks, "report_members", remembered)
+    for module in (report_checks, packing):
+        monkeypatch.setattr(module, "report_members", remembered)
