@@ -1,14 +1,19 @@
 """``encircle benchmark``: score a policy on the benchmark's tasks, beside the shipped policies."""
 
 import json
+import shlex
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from encircle.extras import needing
 from encircle.protocol.process.log import say, say_error
 from encircle.protocol.programs.option_values import whole_number_in
 from encircle.protocol.programs.options import Options
+
+if TYPE_CHECKING:
+    from encircle.benchmark.submission import Request
 
 SEEDS_MAX, WORKERS_MAX = 100, 1024
 
@@ -17,26 +22,25 @@ def main(arguments: Sequence[str], program: str) -> int:
     """Score a policy, or print the published table; returns the exit status."""
     options = _options(program)
     settings = options.parse(arguments)
-    if settings.policy is not None and settings.name is None:
+    bundle = settings.policy is not None and settings.policy.endswith(".zip")
+    if settings.policy is not None and not bundle and settings.name is None:
         options.error('a policy needs --name, as in --name "Jane\'s auction": it heads the page')
+    if bundle and settings.out is None:
+        options.error("a bundle needs --out, the directory for its page")
     with needing("the benchmark", "studies"):
-        from encircle.benchmark.submission import Request, published_lines, run_submission
+        from encircle.benchmark import submission
+        from encircle.bundles.bundle_file import BundleError
         from encircle.studies.plan import StudyError
         from encircle.studies.workers import StudyFailed
     if settings.policy is None:
-        say(*published_lines())
+        say(*submission.published_lines())
         return 0
-    request = Request(
-        settings.policy,
-        settings.name,
-        settings.out,
-        settings.seeds,
-        settings.workers,
-        settings.set,
-    )
     try:
-        answer = run_submission(request)
-    except StudyError as error:
+        if bundle:
+            answer = submission.score_bundle(Path(settings.policy), settings.out)
+        else:
+            answer = submission.run_submission(_request(settings))
+    except (StudyError, BundleError) as error:
         say_error(*f"encircle: {error}".split("\n"))
         return 2
     except StudyFailed as error:
@@ -44,6 +48,19 @@ def main(arguments: Sequence[str], program: str) -> int:
         return 1
     _show(answer, settings.json)
     return 0
+
+
+def _request(settings: Namespace) -> "Request":
+    from encircle.benchmark.submission import Request
+
+    return Request(
+        settings.policy,
+        settings.name,
+        settings.out,
+        settings.seeds,
+        settings.workers,
+        settings.set,
+    )
 
 
 def _show(answer: dict[str, Any], as_json: bool) -> None:
@@ -57,8 +74,11 @@ def _show(answer: dict[str, Any], as_json: bool) -> None:
             f"encircle: {answer['failed']} of {answer['runs']} runs failed, and count as hunts"
             f" without capture: see {Path(answer['out']) / 'failed'}"
         )
-    say(f"page   {answer['page']}")
-    say(f"table  {Path(answer['out']) / 'table.parquet'}")
+    say(f"page    {answer['page']}")
+    if "bundle" in answer:
+        say(f"bundle  {answer['bundle']}")
+        say(f"sha256  {answer['sha256']} of its manifest")
+        say(f"verify  encircle verify {shlex.quote(answer['bundle'])} --run-policies")
 
 
 def _options(program: str) -> Options:
@@ -69,8 +89,8 @@ def _options(program: str) -> Options:
     )
     options.add(
         "policy",
-        "a shipped name, that of a plug-in, or path/file.py:function; without one, print the"
-        " published table",
+        "a shipped name, that of a plug-in, path/file.py:function, or a submission's bundle, to"
+        " score its rows; without one, print the published table",
         metavar="POLICY",
     )
     options.add(

@@ -64,8 +64,8 @@ def table_sentences(scores: Scores, seeds: int) -> list[str]:
     first = scores.of[0]
     lines = [
         f"{first.policy} has the highest score: {percent(first.over_all)} % of the hunts end in a"
-        f" capture, the bounds for other seeds and other tasks of this kind; for other seeds on"
-        f" these tasks they are {_bounds(first.over_seeds)} %."
+        f" capture, the bounds for other seeds and other tasks of this kind;"
+        f" {_on_these_tasks(first)}."
     ]
     if len(scores.of) > 1:
         lines += [_stability(first), _decided(scores)]
@@ -96,9 +96,10 @@ def own_sentences(scores: Scores, own: str) -> list[str]:
     equal = [one.policy for one in scores.of if one.rank == score.rank and one.policy != own]
     shared = f", shared with {_listed(equal)}" if equal else ""
     return [
-        f"On the public seeds {own} scores {percent(score.over_all)} % (over seeds alone"
-        f" {_bounds(score.over_seeds)} %), rank {score.rank} of {len(scores.of)}{shared}; the"
-        f" decided differences leave rank {open_ranks(score)} open.",
+        f"On the public seeds {own} scores {percent(score.over_all)} %, the bounds for other seeds"
+        f" and other tasks of this kind; {_on_these_tasks(score)}.",
+        f"It holds rank {score.rank} of {len(scores.of)}{shared}; the decided differences leave"
+        f" rank {open_ranks(score)} open.",
         f"Seed by seed on these tasks its score is {'; '.join(said)}.",
         _stability(score),
     ]
@@ -157,10 +158,12 @@ def _decided(scores: Scores) -> str:
     return f"{text}. The order of these neighbours is undecided: {pairs}."
 
 
-def _bounds(interval: Interval) -> str:
-    if np.isnan(interval.low):
-        return "not known of a single seed:"
-    return f"[{100.0 * interval.low:.1f}, {100.0 * interval.high:.1f}]"
+def _on_these_tasks(score: Score) -> str:
+    """The bounds over seeds, as a clause."""
+    _, low, high = score.over_seeds
+    if np.isnan(low):
+        return "a single seed has no bounds for others on these tasks"
+    return f"for other seeds on these tasks they are [{100.0 * low:.1f}, {100.0 * high:.1f}] %"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -18,8 +18,11 @@ from encircle.benchmark.published import published
 from encircle.benchmark.score import Score, Scores, scores, share_interval
 from encircle.benchmark.seeds import SEEDS, checked_name, held_out_seeds, public_seeds
 from encircle.benchmark.sentences import held_out_sentence, own_sentences, percent, table_sentences
-from encircle.benchmark.tables import BenchmarkRuns, read_runs
+from encircle.benchmark.tables import BenchmarkRuns, read_runs, runs_of
 from encircle.benchmark.tasks import POLICIES, STUDY, VERSION, submission_plan
+from encircle.bundles.contents import opened
+from encircle.bundles.findings import Verification
+from encircle.bundles.packing import pack
 from encircle.progress import Progress
 from encircle.protocol.process.interrupts import Interrupted, signals_held
 from encircle.protocol.process.log import say_error
@@ -27,6 +30,8 @@ from encircle.studies.plan import StudyError
 from encircle.studies.study import Study
 from encircle.studies.workers import StudyFailed
 from encircle.world.loading.remarks import ScenarioRemark
+
+BUNDLE_FILE = f"{STUDY}-{VERSION}.zip"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +60,7 @@ class Request:
 
 
 def run_submission(request: Request) -> dict[str, Any]:
-    """Run what is missing, and write the page; returns what ``--json`` prints.
+    """Run what is missing, write the page and pack a bundle; returns what ``--json`` prints.
 
     Raises ``StudyError`` for what was asked wrongly, ``StudyFailed`` if the runs stopped.
     """
@@ -64,32 +69,51 @@ def run_submission(request: Request) -> dict[str, Any]:
     plan = submission_plan(request.policy, name, request.seeds, request.policy_parameters)
     study = Study(plan, request.directory)
     ran = _run(study, request.workers)
-    say_error(f"{plan.name}: writing the page")
+    say_error(f"{name}: writing page and bundle")
     runs = read_runs(study.directory)
-    table = published()
-    public, held_out = split_seeds(runs, name)
-    all_policies = public.beside(table.outcomes)
-    commands = (request.command,)
-    page = write_page(
-        all_policies,
-        Origin(runs.code, table.code, commands),
-        study.directory,
-        Submission(name, request.policy, held_out, runs.failed),
-    )
-    ranked = scores(all_policies)
+    written = write_submission_page(runs, request.command, study.directory)
+    bundle = study.directory / BUNDLE_FILE
+    # Page and bundle are made anew at each call, of all runs that there are.
+    bundle.unlink(missing_ok=True)
+    packed = pack(study.directory, bundle)
+    return {**written, "ran": ran, "bundle": str(bundle), "sha256": packed.sha256}
+
+
+def score_bundle(path: Path, directory: Path) -> dict[str, Any]:
+    """Write the page of a submission's bundle into a directory; returns what ``--json`` prints.
+
+    The score is computed from the bundle's rows. Whether these are true is what
+    ``encircle verify`` tells. Raises ``StudyError`` if they are not a submission's, ``BundleError``
+    if it is no bundle.
+    """
+    found = Verification()
+    with opened(path, found) as contents:
+        if contents is None or not contents.whole:
+            raise StudyError(f"{path} lacks rows, or has others: see encircle verify {path}")
+        runs = runs_of(contents.plan, contents.rows, contents.manifest["code"], str(path))
+    return write_submission_page(runs, f"encircle benchmark {path.name}", directory)
+
+
+def write_submission_page(runs: BenchmarkRuns, command: str, directory: Path) -> dict[str, Any]:
+    """Write the page of a submission's runs; returns what is to be told of it."""
+    name, policy, table = runs.plan.title, runs.plan.strategies[0], published()
+    public, held_out = split_seeds(runs)
+    outcomes = public.beside(table.outcomes)
+    origin = Origin(runs.code, table.code, (command,))
+    page = write_page(outcomes, origin, directory, Submission(name, policy, held_out, runs.failed))
+    ranked = scores(outcomes)
     (score,) = [score for score in ranked.of if score.policy == name]
     of_held_out = share_interval(held_out.captured[0].mean(axis=0))
     return {
         "benchmark": VERSION,
         "name": name,
-        "policy": request.policy,
-        "seeds": len(all_policies.seeds),
-        "runs": plan.runs,
-        "ran": ran,
+        "policy": policy,
+        "seeds": len(outcomes.seeds),
+        "runs": runs.plan.runs,
         "failed": runs.failed,
         "score": _as_dict(score),
         "held_out": dict(zip(("score", "low", "high"), of_held_out, strict=True)),
-        "out": str(study.directory),
+        "out": str(directory),
         "page": str(page),
         "findings": [
             *own_sentences(ranked, name),
@@ -98,16 +122,24 @@ def run_submission(request: Request) -> dict[str, Any]:
     }
 
 
-def split_seeds(runs: BenchmarkRuns, name: str) -> tuple[Outcomes, Outcomes]:
-    """A submission's runs on the public seeds and on its held-out seeds, under its name."""
-    (_,) = runs.outcomes.policies
+def split_seeds(runs: BenchmarkRuns) -> tuple[Outcomes, Outcomes]:
+    """A submission's runs on the public seeds and on its held-out seeds, under its name.
+
+    Raises ``StudyError`` if its seeds are not the first of both kinds, as many of each: who could
+    leave seeds out could choose them.
+    """
+    name, number = runs.plan.title, len(runs.outcomes.seeds) // 2
+    expected = number in range(1, SEEDS + 1) and (
+        *public_seeds(number),
+        *held_out_seeds(VERSION, name, number),
+    )
+    if runs.outcomes.seeds != expected or len(runs.outcomes.policies) != 1:
+        raise StudyError(
+            f"the runs are not those of one policy with the public seeds and those that are held"
+            f" out for {name!r}"
+        )
     named = replace(runs.outcomes, policies=(name,))
-    done = set(named.seeds)
-    both = public_seeds(), held_out_seeds(VERSION, name)
-    parts = [named.with_seeds([seed for seed in seeds if seed in done]) for seeds in both]
-    if not all(part.seeds for part in parts):
-        raise StudyError(f"the runs have no public seeds, or none that are held out for {name!r}")
-    return parts[0], parts[1]
+    return named.with_seeds(expected[:number]), named.with_seeds(expected[number:])
 
 
 def write_table_page(directory: Path) -> dict[str, Any]:

@@ -93,7 +93,8 @@ def read_plan(content: bytes, traces: Mapping[str, Path]) -> BundlePlan:
 
 def plan_text(plan: Plan) -> str:
     """A plan as JSON, from which ``read_plan`` reads it."""
-    return json.dumps(plan.model_dump(mode="json"), indent=1, sort_keys=True) + "\n"
+    # Unsorted: the report lists the keys of arms in the order in which they were written.
+    return json.dumps(plan.model_dump(mode="json"), indent=1) + "\n"
 
 
 def trace_names(plan: Plan) -> set[str]:

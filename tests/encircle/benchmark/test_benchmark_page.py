@@ -106,14 +106,14 @@ def test_failed_runs_are_told(tmp_path):
 
 def test_what_is_decided_is_said_and_what_is_not_is_undecided():
     ranked = scores(with_own(0.5, seeds=60)[0])
-    sentence = own_sentences(ranked, NAME)[1]
+    sentence = own_sentences(ranked, NAME)[2]
     assert "decidedly higher than bad" in sentence
     assert "decidedly lower than good" in sentence
     assert "undecided" not in sentence
     same = made_outcomes([0.5], names=["other"])
     ticks = same.capture_ticks[[0, 0]]
     twins = Outcomes(("other", NAME), same.tasks, same.seeds, ticks, same.limit_ticks)
-    sentence = own_sentences(scores(twins), NAME)[1]
+    sentence = own_sentences(scores(twins), NAME)[2]
     assert "undecided against other" in sentence
     assert "decidedly" not in sentence
 

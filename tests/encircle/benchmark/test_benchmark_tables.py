@@ -75,7 +75,7 @@ def test_a_seed_without_all_its_runs_is_left_out(study, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("target.step_m_max", 0.01), ("ticks_max", 100_000), ("capture.count", 1)]
+    ("key", "value"), [("target.step_m_max", 0.01), ("ticks_max", 100_000), ("title", "mine")]
 )
 def test_runs_of_other_tasks_are_refused(study, tmp_path, key, value):
     directory, _plan = study
