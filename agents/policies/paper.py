@@ -11,9 +11,8 @@ from math import copysign, hypot, sin, sqrt
 
 import numpy as np
 
-from encircle.agents.planning.assignment import assign, assign_with_hysteresis
-from encircle.agents.planning.prediction_step import best_step
-from encircle.agents.planning.ring import encirclement_points
+from encircle.agents.planning.assignment import assign_with_hysteresis
+from encircle.agents.planning.best_ring import best_ring
 from encircle.agents.planning.shrink import deviation, encloses, sides
 from encircle.agents.policies.interface import Decision, View
 from encircle.protocol.messages import Point
@@ -60,17 +59,17 @@ def encircle(view: View, xi_grid: tuple[float, ...]) -> Decision:
     """
     parameters, target = view.parameters, known_target(view)
     predicted, predictor = view.predict(xi_grid)
-    points = encirclement_points(view.positions, target, predicted, parameters.ring_radius_m)
-    team = np.array(view.positions)
-    decision, distances = assign(team, points)
-    best = best_step(distances, xi_grid, parameters.xi_weight) if len(xi_grid) > 1 else 0
-    point = int(decision[best, view.own])
+    best, points, assigned = best_ring(
+        *(view.positions, target, predicted, xi_grid),
+        *(parameters.xi_weight, parameters.ring_radius_m),
+    )
+    point = int(assigned[view.own])
     if parameters.switch_gain_m > 0.0 and view.previous_goal is not None:
         gain_m = parameters.switch_gain_m
         point = assign_with_hysteresis(
-            team, points[best], decision[best], view.own, view.previous_goal, gain_m
+            np.array(view.positions), points, assigned, view.own, view.previous_goal, gain_m
         )
-    goal_x, goal_y = points[best, point].tolist()
+    goal_x, goal_y = points[point].tolist()
     own_x, own_y = view.positions[view.own]
     step = (goal_x - own_x, goal_y - own_y)
     return Decision("encircle", step, (goal_x, goal_y), xi_grid[best], point, predictor)
