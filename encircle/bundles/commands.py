@@ -119,7 +119,8 @@ def _verdict(different: int, unchecked: int) -> str:
         return (
             f"{many}: this is not the result of what it says was run, or not under code like this"
         )
-    return f"all that was checked agrees; {unchecked} things were not checked, as said above"
+    many = "one thing was" if unchecked == 1 else f"{unchecked} things were"
+    return f"all that was checked agrees; {many} not checked, as said above"
 
 
 def _verify_options(program: str) -> Options:
