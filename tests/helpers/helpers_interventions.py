@@ -25,7 +25,7 @@ def drawn_plan(seed: int, ids: Sequence[str], ticks: int, count: int = 6) -> Pla
     plan: dict[int, list[Mapping[str, Any]]] = {}
     for _ in range(count):
         at = draws.randint(0, ticks - 1)
-        event = _event(draws, ids)
+        event = drawn_event(draws, ids)
         if draws.random() < 0.3:
             event["tick"] = at + draws.randint(1, 10)
         if event["kind"] not in ("move-target", "heal") and draws.random() < 0.5:
@@ -34,7 +34,8 @@ def drawn_plan(seed: int, ids: Sequence[str], ticks: int, count: int = 6) -> Pla
     return plan
 
 
-def _event(draws: random.Random, ids: Sequence[str]) -> dict[str, Any]:
+def drawn_event(draws: random.Random, ids: Sequence[str]) -> dict[str, Any]:
+    """An event of some kind, of the next tick and without an end."""
     cut = draws.randint(1, len(ids) - 1)
     robot, other = draws.sample(ids, 2)
     place = [draws.uniform(-6.0, 6.0), draws.uniform(-6.0, 6.0)]

@@ -1,15 +1,20 @@
 """Short random hunts with everything wrong that can go wrong, and a witness who watches them.
 
 A seed makes a scenario (``helpers_scenarios``) and a fate (who is killed, frozen or cut off
-and when, what strangers send). ``play`` runs both cores on bytes alone, answers in random order;
-the witness sees the messages that the world records and the state it keeps, and nothing else.
+and when, what strangers send, what is given to the run by hand). ``play`` runs both cores on bytes
+alone, answers in random order; the witness sees the messages that the world records and the state
+it keeps, and nothing else. Some teams have a robot that says whatever a payload may hold
+(``helpers_talker``).
 """
 
 import random
+from collections import Counter
 from dataclasses import replace
 from typing import NamedTuple
 
+import helpers_talker
 import msgpack
+from helpers_interventions import drawn_event
 from helpers_scenarios import scenario_of
 from helpers_witness import Witness
 
@@ -22,6 +27,8 @@ from encircle.world.arena.engine import build
 from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.result import Result
 from encircle.world.coordinator.world_core import WorldCore
+from encircle.world.loading.interventions import InterventionRefused
+from encircle.world.loading.load import load
 from encircle.world.scenario.model import Scenario
 
 RUN = "swarm"
@@ -30,6 +37,8 @@ FAULTS_PER_TICK = 0.025
 JUNK_PER_TICK = 0.3
 ASK_AGAIN = 0.05
 RECKLESS, RECKLESS_SHARE = 1e6, 0.4
+BY_HAND_SHARE, BY_HAND_PER_TICK = 0.4, 0.15
+TALKER_SHARE = 0.25
 
 
 def play(seed: int, junk: bool = True, faults: bool = True, order: int = 0) -> Result:
@@ -41,31 +50,48 @@ def play(seed: int, junk: bool = True, faults: bool = True, order: int = 0) -> R
 
 
 class Played(NamedTuple):
-    """A run of a seed as it was recorded, and who commanded what it liked."""
+    """A run of a seed as it was recorded, and who commanded what it liked.
+
+    ``scenario``: as written; ``faults``: by kind, how many there were.
+    """
 
     scenario: Scenario
     messages: list[tuple[int, str, bytes]]
     reckless: frozenset[str]
+    result: Result
+    faults: Counter[str]
 
 
-def recorded(seed: int) -> Played:
+def recorded(seed: int, junk: bool = False, faults: bool = True) -> Played:
     """The messages of a run with faults, as a recording holds them."""
-    run, messages = _Run(seed, junk=False, faults=True, order=0), []
+    run, messages = _Run(seed, junk, faults, order=0), []
 
     def record(tick: int, key: str, payload: bytes) -> None:
         messages.append((tick, key.removeprefix(f"encircle/{RUN}/"), payload))
         run.witness.record(tick, key, payload)
 
     run.world.record_with(record)
-    run.play()
-    return Played(run.scenario, messages, frozenset(run.reckless))
+    result = run.play()
+    counted = run.faults + run.witness.faults
+    counted.update(f"event {event.kind}" for event in run.scenario.events)
+    return Played(run.scenario, messages, frozenset(run.reckless), result, counted)
+
+
+def swarm_scenario(seed: int) -> Scenario:
+    """The scenario of a seed; in some, one robot talks."""
+    scenario = scenario_of(seed)
+    draws = random.Random(f"swarm talker {seed}")
+    if draws.random() >= TALKER_SHARE:
+        return scenario
+    robot = draws.choice(scenario.ids)
+    return load(scenario.model_dump(), [f"team.robots.{robot}.strategy={helpers_talker.POLICY}"])
 
 
 class _Run:
     """The world, the robots, and what befalls them."""
 
     def __init__(self, seed: int, junk: bool, faults: bool, order: int) -> None:
-        self.scenario = scenario_of(seed)
+        self.scenario = swarm_scenario(seed)
         self.arena = build(self.scenario, self.scenario.seed)
         self.witness = Witness(self.arena, RUN)
         self.world = WorldCore(self.arena, RUN, record=self.witness.record)
@@ -77,6 +103,9 @@ class _Run:
         draws = random.Random(f"swarm reckless {seed}")
         share = RECKLESS_SHARE if faults and draws.random() < RECKLESS_SHARE else 0.0
         self.reckless = {robot for robot in self.arena.ids if draws.random() < share}
+        by_hand = random.Random(f"swarm by hand {seed}")
+        self.by_hand = by_hand if faults and by_hand.random() < BY_HAND_SHARE else None
+        self.faults: Counter[str] = Counter()
         self.back: dict[str, int] = {}
         self.frozen: dict[str, list[tuple[str, bytes]]] = {}
 
@@ -100,7 +129,7 @@ class _Run:
         assert world.ended is not None, "the run has not ended by ticks_max"
         self._hand_out(asked)
         result = world.rounds.result()
-        self.witness.ended(result, world, self.robots.values())
+        self.witness.ended(result, self.robots.values())
         return result
 
     def _hand_out(self, messages: list[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
@@ -121,6 +150,7 @@ class _Run:
             del self.back[robot]
             self._bring_back(robot)
         struck = self._struck(tick)
+        self._intervene()
         answers = [self._reckless(*said) for said in self._hand_out(self._poisoned(asked))]
         self.order.shuffle(answers)
         again = self._hand_out(world.rounds.unanswered()) if self.order.random() < ASK_AGAIN else []
@@ -137,9 +167,27 @@ class _Run:
                 following += world.receive(key, payload)
         for robot in struck:
             following += self._strike(robot)
+        self.faults["asked again"] += bool(again)
         for key, payload in again:
             assert world.receive(key, payload) == [], "what is answered twice counts once"
         return following
+
+    def _intervene(self) -> None:
+        """Somebody gives the run an event by hand, which it may refuse."""
+        draws = self.by_hand
+        if draws is None or draws.random() > BY_HAND_PER_TICK:
+            return
+        event = drawn_event(draws, self.arena.ids)
+        if draws.random() < 0.3:
+            event["tick"] = self.world.state.tick + draws.randint(0, 10)
+        if event["kind"] not in ("move-target", "heal") and draws.random() < 0.7:
+            event["ticks"] = draws.randint(1, 15)
+        try:
+            self.world.intervene(event)
+        except InterventionRefused:
+            self.faults["by hand, refused"] += 1
+        else:
+            self.faults[f"by hand {event['kind']}"] += 1
 
     def _reckless(self, key: str, payload: bytes) -> tuple[str, bytes]:
         """What a robot says, but that some command to run into the target, as fast as can be."""
@@ -149,6 +197,7 @@ class _Run:
         places = self.world.state.positions
         away = places[len(self.arena.ids)] - places[self.arena.ids.index(robot)]
         x, y = (RECKLESS * away).tolist()
+        self.faults["reckless command"] += 1
         return key, encode(replace(decode(Command, payload, RUN), step=(x, y)), RUN)
 
     def _struck(self, tick: int) -> dict[str, int]:
@@ -173,10 +222,12 @@ class _Run:
         self.back[robot] = tick + self.fate.randint(1, 20)
         if self.fate.random() < 0.5:
             self.frozen[robot] = []
+        self.faults["freeze" if robot in self.frozen else "kill"] += 1
         return self.world.leave(robot, DepartureCause.NO_ANSWER)
 
     def _bring_back(self, robot: str) -> None:
         """A robot that was killed is started again; one that was frozen says what it still had."""
+        self.faults["return"] += 1
         if robot in self.frozen:
             late = self.frozen.pop(robot)
             for key, payload in late:
@@ -197,13 +248,15 @@ class _Run:
             if key.endswith("/observation"):
                 body = msgpack.unpackb(payload)
                 assert decode(Observation, payload, RUN).robot == body["robot"]
-                body["inbox"].insert(draws.randint(0, len(body["inbox"])), _junk(draws))
+                body["inbox"].insert(draws.randint(0, len(body["inbox"])), junk_bytes(draws))
+                self.faults["garbage in an inbox"] += 1
                 changed.append((key, msgpack.packb(body)))
             else:
                 changed.append((key, payload))
             robot = parse_key(key).robot or ""
             channel = draws.choice(("observation", "setup", "command", "end"))
-            changed.append((robot_key(RUN, robot, channel), _junk(draws)))
+            changed.append((robot_key(RUN, robot, channel), junk_bytes(draws)))
+            self.faults["garbage to a robot"] += 1
         return changed
 
     def _stray(self) -> None:
@@ -222,12 +275,13 @@ class _Run:
                 "elsewhere",
             )
         )
+        self.faults["garbage to the world"] += 1
         before = sum(self.world.rounds.refused.values())
-        assert self.world.receive(key, _junk(draws)) == []
+        assert self.world.receive(key, junk_bytes(draws)) == []
         assert sum(self.world.rounds.refused.values()) == before + 1
 
 
-def _junk(draws: random.Random) -> bytes:
+def junk_bytes(draws: random.Random) -> bytes:
     """Bytes that are no message: noise, another version, half a message, a map of nonsense."""
     kind = draws.randrange(4)
     if kind == 0:

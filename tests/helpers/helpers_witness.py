@@ -1,11 +1,25 @@
 """A witness of one run: knows only what the world records, and what was done to its robots.
 
+What it holds a run to, at every tick:
+
+1. Every packet that is sent has exactly one fate on each link, and every copy too: it is lost, with
+   a cause, or due at a tick. In the end it is lost, delivered or in flight, and the sums agree.
+2. No packet is due before the tick after it was sent, none on a link from a robot to itself or to
+   one that is lost, and none twice but by duplication.
+3. An inbox holds the packets that were due at its tick, byte for byte, and nothing else.
+4. Bodies never overlap, in exact arithmetic; nothing moves further than its own limit and what
+   contacts give back; who is lost rolls out and stands.
+5. Who is lost is not asked and not planned with; who is back is set up once; losses and returns
+   alternate; the run ends by a capture that is one, or at its last tick.
+6. What world and robots remember is bounded by the size of the team and what is in flight.
+7. What is refused is counted under few causes, and nothing raises.
+
 Every check is made from the recorded messages with arithmetic of its own; none asks the code that
 is under test. The state of world and robots is looked at for its size alone.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import atan2, hypot, pi
 from typing import Any
 
@@ -28,6 +42,7 @@ from encircle.protocol.messages import (
 from encircle.world.arena.engine import Arena
 from encircle.world.channel.loss_causes import CAUSES
 from encircle.world.coordinator.result import Result
+from encircle.world.coordinator.round_engine import RoundEngine
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.scenario.channel_model import Crash
 from encircle.world.scenario.model import MoveTarget
@@ -67,6 +82,11 @@ class Witness:
         self.ends: list[str] = []
         self.away: dict[str, list[list[float]]] = {robot: [] for robot in arena.ids}
         self.moved_by_hand = {e.tick for e in arena.scenario.events if isinstance(e, MoveTarget)}
+        self.crashes = [
+            (e.robot, e.tick, e.ticks) for e in arena.scenario.events if isinstance(e, Crash)
+        ]
+        self.latest_due: dict[tuple[int, int], int] = {}
+        self.faults: Counter[str] = Counter()
 
     def struck(self, robot: str, tick: int) -> None:
         """A robot was lost while the world stood at a tick: it is asked no more from the next."""
@@ -79,11 +99,9 @@ class Witness:
     def lost(self, tick: int) -> tuple[str, ...]:
         """The robots that are not to be asked at a tick, in robot order."""
         crashed = {
-            event.robot
-            for event in self.scenario.events
-            if isinstance(event, Crash)
-            and event.tick <= tick
-            and (event.ticks is None or tick < event.tick + event.ticks)
+            robot
+            for robot, begin, ticks in self.crashes
+            if begin <= tick and (ticks is None or tick < begin + ticks)
         }
         return tuple(
             robot
@@ -112,8 +130,19 @@ class Witness:
             self._command(message)
         elif channel == "pose":
             self.poses[tick, robot] = payload
+        elif channel == "intervention":
+            assert tick == message.tick == self.tick
+            self._given(message.event)
         elif channel == "end":
             self.ends.append(message.reason)
+
+    def _given(self, event: Mapping[str, Any]) -> None:
+        """The run was given an event by hand, of a later tick."""
+        assert event["tick"] > self.tick
+        if event["kind"] == "move-target":
+            self.moved_by_hand.add(event["tick"])
+        elif event["kind"] == "crash":
+            self.crashes.append((event["robot"], event["tick"], event.get("ticks")))
 
     def _state(self, state: State) -> None:
         scenario, tick = self.scenario, state.tick
@@ -142,7 +171,7 @@ class Witness:
         """Who gave no command for the step that led here rolls out, and then stands still."""
         for place, robot in enumerate(self.arena.ids):
             without_lost = 0
-            while without_lost < tick and (tick - 1 - without_lost, robot) not in self.commands:
+            while without_lost < tick and not self.took_part(tick - 1 - without_lost, robot):
                 without_lost += 1
             if without_lost == 0:
                 continue
@@ -153,13 +182,17 @@ class Witness:
                 f"{robot} moves {moved[place]} m at {tick}, {without_lost} ticks after it was lost"
             )
 
+    def took_part(self, tick: int, robot: str) -> bool:
+        """Whether a robot was there at the end of a tick: in lock-step, if it has answered."""
+        return (tick, robot) in self.commands
+
     def _captures(self, now: np.ndarray, tick: int) -> bool:
         """Whether the robots that took part in the last round hold the target."""
         x, y = now[self.count]
         there = [
             now[place]
             for place, robot in enumerate(self.arena.ids)
-            if (tick - 1, robot) in self.commands
+            if self.took_part(tick - 1, robot)
         ]
         near = [
             atan2(by - y, bx - x)
@@ -176,21 +209,43 @@ class Witness:
         assert tick == len(self.radios)
         self.radios.append(said)
         for table in (said.fates, said.copies):
-            for sender, row in zip(self.arena.ids, table, strict=False):
+            for number, row in enumerate(table):
+                assert row[number] == 0, f"a packet to its own sender at {tick}"
                 for receiver, due in enumerate(row):
                     if due > 0:
-                        self.arriving[due, receiver][self.poses[tick, sender]] += 1
+                        assert due > tick, f"a packet of {tick} is due at {due}"
+                        self.arriving[due, receiver][self.poses[tick, self.arena.ids[number]]] += 1
+                        self._count_arrival(tick, number, receiver, due)
+                    elif due < 0:
+                        self.faults[f"lost: {CAUSES[-due]}"] += 1
+        assert all(
+            self.scenario.channel.duplication.rate > 0.0 and said.fates[k][to] > 0
+            for k, row in enumerate(said.copies)
+            for to, due in enumerate(row)
+            if due
+        ), f"copies at {tick} without duplication, or of what is lost"
+        self.faults["duplicated"] += sum(due > 0 for row in said.copies for due in row)
         for place, robot in enumerate(self.arena.ids):
             sent = [fate for k, fate in enumerate(said.fates[place]) if k != place]
             assert all(bool(f) == ((tick, robot) in self.poses) for f in sent), f"row of {robot}"
             for k, receiver in enumerate(self.arena.ids):
-                if (tick, receiver) not in self.commands:
+                if not self.took_part(tick, receiver):
                     assert said.fates[place][k] <= 0, f"{receiver} is lost, and is sent to"
+        self._answers(tick)
+
+    def _answers(self, tick: int) -> None:
+        """Who was asked has answered, or was lost."""
         answered = {robot for at, robot in self.commands if at == tick}
         asked = {robot for at, robot in self.observations if at == tick}
         assert answered <= asked
         # Who was asked and gave no command was lost while the round was open.
         assert asked - answered <= set(self.lost(tick + 1)) | self._flickered(tick)
+
+    def _count_arrival(self, tick: int, sender: int, receiver: int, due: int) -> None:
+        latest = self.latest_due.get((sender, receiver), 0)
+        self.faults["delayed"] += due > tick + 1
+        self.faults["overtaken"] += due < latest
+        self.latest_due[sender, receiver] = max(due, latest)
 
     def _flickered(self, tick: int) -> set[str]:
         """Robots lost while this tick's round was open and back in the next."""
@@ -208,8 +263,10 @@ class Witness:
         before = (tick - 1, robot) in self.observations
         fresh = tick == 0 or not before
         assert (self.setups[tick, robot] > 0) == fresh or self.setups[tick, robot] == 1
-        own = self.arena.ids.index(robot)
-        assert Counter(seen.inbox) == self.arriving[tick, own], f"inbox of {robot} at {tick}"
+        self._inbox(seen, self.arriving[tick, self.arena.ids.index(robot)])
+
+    def _inbox(self, seen: Observation, due: Counter[bytes]) -> None:
+        assert Counter(seen.inbox) == due, f"inbox of {seen.robot} at {seen.tick}"
 
     def _command(self, command: Command) -> None:
         lost = self.observations[command.tick, command.robot].lost
@@ -217,11 +274,16 @@ class Witness:
 
     def look(self, world: WorldCore, robots: Iterable[RobotCore]) -> None:
         """Whether what world and robots remember is bounded, by what it must be."""
-        state, ids = world.state, self.arena.ids
-        assert self.tick == state.tick
-        assert not world.rounds.journal.pending
         assert len(world.answers) <= self.count
-        assert len(world.rounds.open_round.messages) <= 2 * self.count
+        self.look_at_rounds(world.rounds)
+        self.look_at_robots(robots)
+
+    def look_at_rounds(self, rounds: RoundEngine) -> None:
+        """Whether what a run remembers is bounded."""
+        state = rounds.state
+        assert self.tick == state.tick
+        assert not rounds.journal.pending
+        assert len(rounds.open_round.messages) <= 2 * self.count
         flying = [
             f for due, flights in state.channel_state.flights.items() for f in flights if due > 0
         ]
@@ -229,8 +291,12 @@ class Witness:
         assert set(state.packets) <= {f.sent_tick for f in flying} | {state.tick - 1}
         links = self.count * (self.count - 1)
         assert sum(int(f.links.sum()) for f in flying) <= 2 * links * (state.tick + 1)
-        assert len(world.rounds.departures) <= 2 * self.count * (state.tick + 1)
-        assert len(world.rounds.refused) <= REFUSALS_MAX
+        assert len(rounds.departures) <= 2 * self.count * (state.tick + 1)
+        assert len(rounds.refused) <= REFUSALS_MAX
+
+    def look_at_robots(self, robots: Iterable[RobotCore]) -> None:
+        """Whether what robots remember is bounded."""
+        ids = self.arena.ids
         for core in robots:
             assert len(core.refused) <= REFUSALS_MAX
             if core.state is None or core.config is None:
@@ -240,7 +306,7 @@ class Witness:
             assert all(len(e.detections) <= len(ids) for e in core.state.track.entries)
             assert len(core.state.lost) < self.count
 
-    def ended(self, result: Result, world: WorldCore, robots: Iterable[RobotCore]) -> None:
+    def ended(self, result: Result, robots: Iterable[RobotCore]) -> None:
         """Whether the result is that of the run that was seen."""
         assert result.ticks == self.tick <= self.scenario.ticks_max
         assert result.captured == self.captured
