@@ -12,6 +12,7 @@ import argparse
 import json
 import os
 import resource
+import signal
 import sys
 import traceback
 import warnings
@@ -25,7 +26,9 @@ sys.path[:0] = [str(FOLDER.parents[1]), str(FOLDER), str(FOLDER / "processes")]
 FRAMES_SHOWN = 4
 BY_CLOCK_EVERY = 8
 """Of so many seeds in memory, one is a run by the clock."""
-PACKETS_PER_SEED = 1000
+PACKETS_PER_SEED = 2000
+WORKED_S_MAX = 900
+"""Processor time after which a seed hangs: the others take a thousandth of it."""
 
 Play = Callable[[int], Counter[str]]
 """What a seed does; returns its figures. It raises what is broken."""
@@ -87,12 +90,15 @@ def swarm(kind: str, seeds: Iterable[int], say: Callable[[str], None] = print) -
     figures: Counter[str] = Counter()
     seeds = list(seeds)
     for number, seed in enumerate(seeds, 1):
+        signal.setitimer(signal.ITIMER_PROF, WORKED_S_MAX)
         try:
             figures += play(seed)
         except Exception as error:
             figures["failed"] += 1
             said = "".join(traceback.format_exception(error, limit=-FRAMES_SHOWN)).rstrip()
             say(f"{said}\n{kind} seed {seed} is broken; alone: {again(kind, seed)}")
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
         figures["seeds"] += 1
         if number % max(1, len(seeds) // 100) == 0:
             say(_progress(kind, number, len(seeds), figures["failed"]))
@@ -126,9 +132,14 @@ def main(arguments: list[str]) -> int:
     given = parser.parse_args(arguments)
     count = given.count or (given.packets or PACKETS_PER_SEED) // PACKETS_PER_SEED
     warnings.simplefilter("error")
+    signal.signal(signal.SIGPROF, _hangs)
     figures = swarm(given.kind, range(given.first, given.first + count), _say)
     _say(json.dumps(dict(sorted(figures.items())), indent=1))
     return 1 if figures["failed"] else 0
+
+
+def _hangs(_number: int, _frame: object) -> None:
+    raise AssertionError(f"it has worked for {WORKED_S_MAX} s, and is not at its end")
 
 
 def _say(line: str) -> None:
