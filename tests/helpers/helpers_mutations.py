@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import msgpack
 
 Draws = random.Random
-CHANGES_MAX = 3
+TIMES = (1, 1, 1, 2, 3)
 NESTED_MAX = 700
 """Deeper than msgpack's own stack, which holds 512."""
 LONG_SHARE, LONG_ITEMS = 0.002, 60_000
@@ -31,7 +31,7 @@ def mutant(draws: Draws, payload: bytes, others: Sequence[bytes]) -> tuple[str, 
     if draws.random() < LONG_SHARE:
         return "long", _long(draws)
     name = draws.choice(tuple(CHANGES))
-    for _ in range(draws.randint(1, CHANGES_MAX)):
+    for _ in range(draws.choice(TIMES)):
         try:
             payload = CHANGES[name](draws, payload, others)
         except RecursionError:
@@ -291,7 +291,7 @@ def _within(
         return _flip_bits(draws, payload, ())
     places: list[tuple[Any, Any]] = []
     _find(tree, fits, places)
-    if fits(tree) and draws.random() < 0.3 or not places:
+    if (fits(tree) and draws.random() < 0.3) or not places:
         return packed(change(tree)) if fits(tree) else _flip_bits(draws, payload, ())
     holder, at = draws.choice(places)
     value = holder[at]

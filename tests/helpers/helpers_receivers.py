@@ -114,21 +114,22 @@ class Robot(Receiver):
 class ClockedRobot(Robot):
     """A robot's core by the clock, once it has its setup."""
 
-    def __init__(self, core: RobotCore, by_clock: bool) -> None:
+    def __init__(self, core: RobotCore) -> None:
         super().__init__(core)
-        self.by_clock = by_clock
         self.timed: RealTimeRobotCore | None = None
         self.now_us = 0
 
     def hear(self, key: str, payload: bytes) -> None:
-        self.give(key, payload)
+        if self.timed is None:
+            super().hear(key, payload)
+        else:
+            self.give(key, payload)
 
     def give(self, key: str, payload: bytes) -> str:
         if self.timed is None:
-            outcome = super().give(key, payload)
-            if self.core.setup is not None:
-                self.timed = RealTimeRobotCore(self.core)
-            return outcome
+            if self.core.setup is None:
+                return super().give(key, payload)
+            self.timed = RealTimeRobotCore(self.core)
         before = self.core.refused.copy()
         self.now_us += 1000
         self.timed.take(self.now_us, key, payload)
@@ -338,7 +339,7 @@ def receivers(scenario: Scenario, run: str, by_clock: bool) -> dict[str, Receive
     made: dict[str, Receiver] = {
         "robot": Robot(RobotCore(robot, run)),
         "steered robot": Robot(SteeredRobot(steering, robot, run)),
-        "robot by the clock": ClockedRobot(RobotCore(other, run), by_clock),
+        "robot by the clock": ClockedRobot(RobotCore(other, run)),
         "viewer": Viewer(scenario, run, by_clock),
         "frames": Frames(scenario, run),
         "recordings": Recordings(run),
