@@ -32,6 +32,7 @@ from encircle.world.recording.run_directory import versions
 from encircle.world.scenario.model import Scenario
 
 KILLED_PER_TICK, JUNK_PER_TICK, BY_HAND_PER_TICK = 0.02, 0.3, 0.1
+TWICE_EVERY = 8
 AWAY_TICKS = (1, 12)
 DELAY_TICKS = (0.01, 0.3, 1.2, 4.0)
 
@@ -44,9 +45,11 @@ def clocked_scenario(seed: int) -> Scenario:
 
 
 def checked_by_clock(seed: int) -> Played:
-    """A run of a seed by the clock; played once more it is the same, and so are its decisions."""
+    """A run of a seed by the clock; fresh brains decide the same, and once more it is the same."""
     played = play_by_clock(seed)
-    assert played.messages == play_by_clock(seed).messages, "played twice it is another run"
+    if seed // TWICE_EVERY % 2:
+        assert played.messages == play_by_clock(seed).messages, "played twice it is another run"
+        played.faults["check: the_same_once_more, by the clock"] += 1
     scenario = played.scenario
     for _, topic, payload in played.messages:
         if topic == INTERVENTION:
@@ -57,7 +60,7 @@ def checked_by_clock(seed: int) -> Played:
         Recording(path, scenario, seeded, RUN, messages, True, versions(), written=played.scenario)
     )
     assert check.differences == (), f"fresh brains decide otherwise: {check.differences[:3]}"
-    played.faults["check: once more and replayed, by the clock"] += 1
+    played.faults["check: replayed, by the clock"] += 1
     return played
 
 

@@ -1,6 +1,6 @@
 """What a run of the swarm is held to beside its witness: it is one run, however it is come by.
 
-Each seed has one of these checks in turn, so that a swarm makes all of them:
+Of eight seeds in a row, the first four have one of these checks each:
 
 - what strangers send changes nothing: no message but what it counts of them, and no digest;
 - played once more it is the same, message by message;
@@ -24,15 +24,16 @@ from encircle.world.recording.recording import INTERVENTION, Recording
 from encircle.world.recording.resuming import digest_of, rebuild
 from encircle.world.recording.run_directory import versions
 
+CHECKED_EVERY = 8
 Messages = Sequence[tuple[int, str, bytes]]
 
 
 def checked(seed: int) -> Played:
     """A run of a seed that is what it must be; ``AssertionError`` if it is not."""
-    check = CHECKS[seed % len(CHECKS)]
     played = recorded(seed, junk=True)
-    check(seed, played)
-    played.faults[f"check: {check.__name__}"] += 1
+    for check in CHECKS[seed % CHECKED_EVERY :][:1]:
+        check(seed, played)
+        played.faults[f"check: {check.__name__}"] += 1
     return played
 
 

@@ -26,7 +26,7 @@ sys.path[:0] = [str(FOLDER.parents[1]), str(FOLDER), str(FOLDER / "processes")]
 FRAMES_SHOWN = 4
 BY_CLOCK_EVERY = 8
 """Of so many seeds in memory, one is a run by the clock."""
-PACKETS_PER_SEED = 2000
+PACKETS_PER_SEED = 10_000
 WORKED_S_MAX = 900
 """Processor time after which a seed hangs: the others take a thousandth of it."""
 
@@ -100,8 +100,11 @@ def swarm(kind: str, seeds: Iterable[int], say: Callable[[str], None] = print) -
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         figures["seeds"] += 1
-        if number % max(1, len(seeds) // 100) == 0:
+        if number % max(1, len(seeds) // 100) == 0 or _stopped:
             say(_progress(kind, number, len(seeds), figures["failed"]))
+        if _stopped:
+            say(f"{kind}: stopped after seed {seed}")
+            break
     return figures
 
 
@@ -133,9 +136,18 @@ def main(arguments: list[str]) -> int:
     count = given.count or (given.packets or PACKETS_PER_SEED) // PACKETS_PER_SEED
     warnings.simplefilter("error")
     signal.signal(signal.SIGPROF, _hangs)
+    signal.signal(signal.SIGTERM, _stop)
     figures = swarm(given.kind, range(given.first, given.first + count), _say)
     _say(json.dumps(dict(sorted(figures.items())), indent=1))
     return 1 if figures["failed"] else 0
+
+
+_stopped: list[int] = []
+
+
+def _stop(number: int, _frame: object) -> None:
+    """SIGTERM: the seed that is under way is the last one."""
+    _stopped.append(number)
 
 
 def _hangs(_number: int, _frame: object) -> None:
