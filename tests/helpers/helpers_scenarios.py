@@ -56,8 +56,8 @@ def _tree(draws: Draws) -> Tree:
             {"position": [draws.uniform(-8, 8), draws.uniform(8.5, 12)], "radius_m": 1.0}
             for _ in range(draws.randint(0, 2))
         ],
-        "robot": _robot(draws),
-        "channel": _channel(draws, ids),
+        "robot": drawn_parameters(draws),
+        "channel": drawn_channel(draws, ids),
         "events": _events(draws, ids, ticks),
         "capture": {"stop_distance_m": draws.choice((1.3, 1.5, 2.0))},
     }
@@ -164,7 +164,8 @@ TARGET: dict[str, DrawnFigure] = {
 # The robots' parameters.
 
 
-def _robot(draws: Draws) -> Tree:
+def drawn_parameters(draws: Draws) -> Tree:
+    """The robots' parameters: mostly a few, sometimes many, often none."""
     robot = _some(draws, PARAMETERS, draws.choice((0.0, 0.1, 0.4)))
     if str(robot.get("detections")).startswith("fuse"):
         robot.pop("publish", None)  # estimates are told always
@@ -220,7 +221,8 @@ PARAMETERS: dict[str, DrawnFigure] = {
 # The radio.
 
 
-def _channel(draws: Draws, ids: list[str]) -> Tree:
+def drawn_channel(draws: Draws, ids: list[str]) -> Tree:
+    """The radio of a team."""
     channel: Tree = {
         "loss": _loss(draws, ids),
         "delay": _delay(draws, ids),

@@ -134,7 +134,10 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--packets", type=int, help="how many packets, in place of seeds")
     given = parser.parse_args(arguments)
     count = given.count or (given.packets or PACKETS_PER_SEED) // PACKETS_PER_SEED
+    from encircle.world.loading.remarks import ScenarioRemark
+
     warnings.simplefilter("error")
+    warnings.simplefilter("ignore", ScenarioRemark)
     signal.signal(signal.SIGPROF, _hangs)
     signal.signal(signal.SIGTERM, _stop)
     figures = swarm(given.kind, range(given.first, given.first + count), _say)
