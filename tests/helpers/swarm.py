@@ -77,18 +77,16 @@ def over_processes(seed: int) -> Counter[str]:
     return struck(seed)
 
 
-KINDS: dict[str, tuple[Play, str]] = {
-    "memory": (in_memory, "tests/world/coordinator/test_swarm.py"),
-    "packets": (packets, "tests/protocol/test_packet_swarm.py"),
-    "processes": (over_processes, "tests/system/hunts/test_process_swarm.py"),
-}
+KINDS: dict[str, Play] = {"memory": in_memory, "packets": packets, "processes": over_processes}
 
 
 def swarm(kind: str, seeds: Iterable[int], say: Callable[[str], None] = print) -> Counter[str]:
-    """Play all seeds; returns figures. ``figures["failed"]`` counts what is broken."""
-    play, _ = KINDS[kind]
-    figures: Counter[str] = Counter()
-    seeds = list(seeds)
+    """Play all seeds; returns figures. ``figures["failed"]`` counts what is broken.
+
+    ``say`` gets what is broken, and now and then how far it is.
+    """
+    play, figures, seeds = KINDS[kind], Counter[str](), list(seeds)
+    signal.signal(signal.SIGPROF, _hangs)
     for number, seed in enumerate(seeds, 1):
         signal.setitimer(signal.ITIMER_PROF, WORKED_S_MAX)
         try:
@@ -138,7 +136,6 @@ def main(arguments: list[str]) -> int:
 
     warnings.simplefilter("error")
     warnings.simplefilter("ignore", ScenarioRemark)
-    signal.signal(signal.SIGPROF, _hangs)
     signal.signal(signal.SIGTERM, _stop)
     figures = swarm(given.kind, range(given.first, given.first + count), _say)
     _say(json.dumps(dict(sorted(figures.items())), indent=1))

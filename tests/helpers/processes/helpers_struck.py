@@ -41,6 +41,10 @@ BLOWS = (
 TICKS = (150, 400)
 BY_CLOCK_SHARE, TERMINATED_SHARE, SILENT_SHARE, CUT_SHARE = 0.15, 0.1, 0.05, 0.3
 TRIES_MAX = 50
+LATE_JOIN_S, TOO_LATE = 10.0, "did not take this robot in within"
+
+# For the nodes, which lose nobody by a limit of time unless they are told to.
+os.environ.setdefault("ENCIRCLE_ANSWER_TIMEOUT", f"{LONGEST_S}")
 
 
 def struck(seed: int) -> Counter[str]:
@@ -94,6 +98,7 @@ class _Struck:
         self.by_router = self.draws.random() < 0.5
         self.router: NodeProcess | None = None
         self.robots_lost = False
+        self.late: set[str] = set()
         self.terminated = self.draws.random() < TERMINATED_SHARE
         if self.draws.random() < SILENT_SHARE:
             self.hunt.lose_the_silent()
@@ -134,8 +139,9 @@ class _Struck:
     def _start_router(self) -> None:
         self.router = self.names[f"router {len(self.names)}"] = self.hunt.start_router()
 
-    def _start_robot(self, robot: str) -> None:
-        node = self.hunt.start_robot(robot, "--world-timeout", f"{LONGEST_S}")
+    def _start_robot(self, robot: str, join_s: float = LONGEST_S) -> None:
+        waits = ("--world-timeout", f"{LONGEST_S}", "--join-timeout", f"{join_s}")
+        node = self.hunt.start_robot(robot, *waits)
         self.names[f"{robot} {len(self.names)}"] = node
 
     def _some_robot(self) -> str | None:
@@ -162,7 +168,8 @@ class _Struck:
             lambda: world.tick,
         )
         if world.running:
-            self._start_robot(robot)
+            self._start_robot(robot, LATE_JOIN_S)
+            self.late.add(robot)
             self.figures["robot started anew"] += 1
 
     def _freeze_robot(self) -> None:
@@ -235,6 +242,10 @@ class _Struck:
         for robot in self.scenario.ids:
             node = hunt.robots[robot]
             status = node.end()
+            if status == 1 and robot in self.late and TOO_LATE in node.said.splitlines()[-1]:
+                # The run was over before it had begun.
+                self.figures["robot came too late"] += 1
+                continue
             assert status in (expected, -signal.SIGKILL), (robot, status, node.said[-600:])
         if self.router is not None:
             assert self.router.terminate() == 0, self.router.said

@@ -1,24 +1,34 @@
 """Many short random hunts with random faults: what must hold at every tick does, in all of them.
 
+What that is, is listed in ``helpers_witness`` (every packet has one fate, bodies never overlap, what
+is lost is not asked, ...) and ``helpers_swarm_checks`` (a seed is one run, however it is come by).
 A failure names its seed and the line that plays it again. The environment variable
-ENCIRCLE_SWARM_SEED takes one seed in place of the usual ones.
+ENCIRCLE_SWARM_SEED takes one seed in place of the usual ones. ``python tests/helpers/swarm.py
+memory --runs 10000`` plays as many as nightly, with figures.
 """
 
 import os
 from collections import Counter
 
 import pytest
+from helpers_clocked_swarm import checked_by_clock
 from helpers_scenarios import scenario_of
 from helpers_swarm import play
+from helpers_swarm_checks import CHECKED_EVERY, CHECKS, checked
+from swarm import swarm
 
 from encircle.world.channel.loss_causes import CAUSES
 from encircle.world.scenario.channel_model import Crash
 
 ONE = os.environ.get("ENCIRCLE_SWARM_SEED")
 SEEDS = range(60) if ONE is None else range(int(ONE), int(ONE) + 1)
-NIGHTLY_SEEDS = range(1_000, 3_200)
+CHECKED_SEEDS = [
+    seed for seed in range(200, 240) if seed % CHECKED_EVERY < len(CHECKS)
+] if ONE is None else [int(ONE)]  # fmt: skip
+BY_CLOCK_SEEDS = range(30) if ONE is None else SEEDS
+NIGHTLY_SEEDS = range(10_000)
 PER_TEST = 10
-PER_NIGHTLY_TEST = 100
+PER_NIGHTLY_TEST = 250
 FILE = "tests/world/coordinator/test_swarm.py"
 REPLAY = f"replay: ENCIRCLE_SWARM_SEED={{}} .venv/bin/python -m pytest -n 0 {FILE}"
 
@@ -53,11 +63,24 @@ def test_a_swarm_of_hunts_holds_together(seeds):
     assert len(played(seeds)) == len(seeds)
 
 
+@pytest.mark.parametrize("seed", CHECKED_SEEDS)
+def test_a_seed_is_one_run_however_it_is_come_by(seed):
+    assert checked(seed).result.ticks > 0
+
+
+@pytest.mark.parametrize("seeds", chunks(BY_CLOCK_SEEDS, PER_TEST), ids=named)
+def test_a_swarm_of_hunts_by_the_clock_holds_together(seeds):
+    faults = sum((checked_by_clock(seed).faults for seed in seeds), Counter())
+    assert ONE or min(faults[kind] for kind in ("kill", "return", "freeze", "overtaken")) > 0
+
+
 @pytest.mark.nightly
 @pytest.mark.timeout(7200)
 @pytest.mark.parametrize("seeds", chunks(NIGHTLY_SEEDS, PER_NIGHTLY_TEST), ids=named)
 def test_a_large_swarm_of_hunts_holds_together(seeds):
-    assert len(played(seeds)) == len(seeds)
+    said = []
+    figures = swarm("memory", seeds, said.append)
+    assert figures["failed"] == 0, "\n".join(said)
 
 
 def test_the_swarm_meets_what_it_is_for():
