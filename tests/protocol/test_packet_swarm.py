@@ -69,5 +69,5 @@ class Greedy(Receiver):
 @pytest.mark.parametrize(("size", "calls"), [(1 << 26, 0), (0, 10**6)])
 def test_who_takes_more_than_its_length_allows_is_found_out(size, calls):
     assert watch(Greedy(10, 10), "key", b"packet") == "taken"
-    with pytest.raises(AssertionError, match="bytes of memory|calls"):
+    with pytest.raises(AssertionError, match=r"\d+ (bytes of memory|calls)"):
         watch(Greedy(size, calls), "key", b"packet")

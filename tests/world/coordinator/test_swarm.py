@@ -1,7 +1,8 @@
 """Many short random hunts with random faults: what must hold at every tick does, in all of them.
 
-What that is, is listed in ``helpers_witness`` (every packet has one fate, bodies never overlap, what
-is lost is not asked, ...) and ``helpers_swarm_checks`` (a seed is one run, however it is come by).
+What that is, is listed in ``helpers_witness`` (every packet has one fate, bodies never overlap,
+who is lost is not asked, ...) and ``helpers_swarm_checks`` (a seed is one run, however it is come
+by).
 A failure names its seed and the line that plays it again. The environment variable
 ENCIRCLE_SWARM_SEED takes one seed in place of the usual ones. ``python tests/helpers/swarm.py
 memory --runs 10000`` plays as many as nightly, with figures.
