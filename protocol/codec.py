@@ -31,7 +31,7 @@ from encircle.protocol.messages import (
 )
 from encircle.protocol.wire.checks import are_plain_reports
 from encircle.protocol.wire.layout import Layout, layout_of
-from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, TEXT_MAX
+from encircle.protocol.wire.limits import COUNT_MAX, PLACE_MAX, TEXT_MAX
 from encircle.protocol.wire.packing import (
     DuplicateName,
     bytes_in_list,
@@ -169,7 +169,7 @@ def _plain_pose(payload: bytes, run: str) -> Pose | None:
         and (detection is None or len(detection) == 2)
         and set(map(type, numbers)) <= _FLOAT
         and math.isfinite(sum(numbers))
-        and max(map(abs, numbers)) < NUMBER_MAX
+        and max(map(abs, numbers)) < PLACE_MAX
         and 0 <= tick <= COUNT_MAX
         and 0 <= sequence <= COUNT_MAX
         and (point is None or 0 <= point <= COUNT_MAX)

@@ -1,9 +1,10 @@
 """What fields that are each right for themselves have wrong together."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from encircle.protocol.messages import CAUSE_CODE_MAX, Pose, Radio, Setup, State
+from encircle.protocol.messages import CAUSE_CODE_MAX, Observation, Pose, Radio, Setup, State
+from encircle.protocol.wire.limits import PLACE_MAX
 from encircle.protocol.wire.target_estimate import is_sound
 
 
@@ -19,8 +20,37 @@ def _problem_of_setup(setup: Setup) -> str | None:
     return f"answer_tick is {setup.answer_tick}, must be first_tick ({setup.first_tick}) or later"
 
 
+def _problem_of_observation(observation: Observation) -> str | None:
+    """Whoever decides on it must be able to calculate with it."""
+    return (
+        _misplaced("position", observation.position)
+        or _misplaced("target", observation.target or ())
+        or _misplaced("seen", [number for _, *place in observation.seen for number in place])
+    )
+
+
+def _misplaced(what: str, numbers: Iterable[float]) -> str | None:
+    """What is wrong with places in m or velocities in m/s, None if nothing."""
+    for number in numbers:
+        if abs(number) > PLACE_MAX:
+            return f"{what} has {number:g}, must be from {-PLACE_MAX:g} to {PLACE_MAX:g}"
+    return None
+
+
 def _problem_of_pose(pose: Pose) -> str | None:
-    """An estimate is made of detections of its tick or earlier, and can be fused with others."""
+    """As an observation, and what is wrong with its estimate."""
+    problem = (
+        _misplaced("position", pose.position)
+        or _misplaced("velocity", pose.velocity)
+        or _misplaced("detection", pose.detection or ())
+        or _misplaced("relayed", [number for _, _, *place in pose.relayed for number in place])
+        or _misplaced("estimate", () if pose.estimate is None else pose.estimate[1:5])
+    )
+    return problem or _problem_of_estimate(pose)
+
+
+def _problem_of_estimate(pose: Pose) -> str | None:
+    """It is made of detections of its tick or earlier, and can be fused with others."""
     estimate = pose.estimate
     if estimate is None:
         return None
@@ -60,6 +90,7 @@ def _problem_of_radio(radio: Radio) -> str | None:
 
 
 _CHECKS: dict[type[Any], Callable[[Any], str | None]] = {
+    Observation: _problem_of_observation,
     Pose: _problem_of_pose,
     Setup: _problem_of_setup,
     State: _problem_of_state,

@@ -14,6 +14,7 @@ from encircle.protocol.wire.limits import (
     COUNT_MAX,
     LIST_MAX,
     NUMBER_MAX,
+    PLACE_MAX,
     RAYS_MAX,
     RAYS_MIN,
     RELAYED_MAX,
@@ -177,7 +178,7 @@ def are_plain_reports(value: tuple[Any, ...]) -> bool:
             type(origin) is str
             and type(tick) is int
             and type(x) is type(y) is float
-            and -NUMBER_MAX < x < NUMBER_MAX > y > -NUMBER_MAX
+            and -PLACE_MAX < x < PLACE_MAX > y > -PLACE_MAX
             and 0 <= tick <= COUNT_MAX
             and len(origin) <= TEXT_MAX
         ):

@@ -22,20 +22,22 @@ from encircle.protocol.messages import (
     Setup,
     State,
 )
-from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, RELAYED_MAX
+from encircle.protocol.wire.limits import COUNT_MAX, NUMBER_MAX, PLACE_MAX, RELAYED_MAX
 
 CHEAP = settings(max_examples=60, deadline=None, derandomize=True)
 
 
 numbers = st.floats(-NUMBER_MAX, NUMBER_MAX, exclude_min=True, exclude_max=True)
 points = st.tuples(numbers, numbers)
+metres = st.floats(-PLACE_MAX, PLACE_MAX)
+places = st.tuples(metres, metres)
 texts = st.text(max_size=20)
 counts = st.integers(0, 2**53 - 1)
 values = st.one_of(
     numbers, st.integers(1 - 10**9, 10**9 - 1), st.booleans(), texts, st.binary(), st.none()
 )
-sightings = st.lists(st.tuples(texts, numbers, numbers), max_size=5).map(tuple)
-reports = st.tuples(texts, counts, numbers, numbers)
+sightings = st.lists(st.tuples(texts, metres, metres), max_size=5).map(tuple)
+reports = st.tuples(texts, counts, metres, metres)
 angles = st.floats(-pi, pi)
 names = st.text(string.ascii_letters + string.digits + "-_", min_size=1, max_size=31)
 reasons = st.sampled_from(("captured", "ticks")) | st.text(max_size=192).map("failed: {}".format)
@@ -46,9 +48,9 @@ def tuples_of(items: Any, size: int = 5) -> Any:
 
 
 def states(robots: list[tuple[Any, float]]) -> Any:
-    places, headings = zip(*robots, strict=True) if robots else ((), ())
+    spots, headings = zip(*robots, strict=True) if robots else ((), ())
     touching = tuples_of(st.tuples(texts, texts))
-    fixed = map(st.just, (places, headings))
+    fixed = map(st.just, (spots, headings))
     return st.builds(State, counts, *fixed, points, st.booleans(), touching)
 
 
@@ -88,9 +90,9 @@ messages = st.one_of(
         Observation,
         texts,
         counts,
-        points,
+        places,
         angles,
-        st.none() | points,
+        st.none() | places,
         st.lists(st.floats(0.0, NUMBER_MAX, exclude_max=True), min_size=8, max_size=30).map(tuple),
         sightings,
         tuples_of(st.binary(max_size=300)),
@@ -102,9 +104,9 @@ messages = st.one_of(
         texts,
         counts,
         counts,
-        points,
-        points,
-        st.none() | points,
+        places,
+        places,
+        st.none() | places,
         texts,
         st.none() | numbers,
         st.none() | counts,
@@ -156,10 +158,7 @@ def test_a_message_survives_the_round_trip_and_its_bytes_do(message, run):
     assert encode(decoded, run) == payload
 
 
-LARGEST = nextafter(NUMBER_MAX, 0.0)
-
-
-@pytest.mark.parametrize("x", [LARGEST, -LARGEST, 5e-324, -0.0])
+@pytest.mark.parametrize("x", [PLACE_MAX, -PLACE_MAX, 5e-324, -0.0])
 def test_the_largest_and_smallest_numbers_survive_the_round_trip_everywhere(x):
     seen = tuple((f"r{k}", x, x) for k in range(50))
     message = Observation("r1", 0, (x, x), 0.0, (x, x), (abs(x),) * 360, seen, ())
@@ -208,7 +207,7 @@ def test_whole_numbers_are_taken_in_what_is_relayed():
 
 def test_the_longest_packet_of_a_robot_of_ours_fits():
     # Names of robots and runs have at most 31 letters, modes of ours at most 8.
-    x = nextafter(NUMBER_MAX, 0.0)
+    x = nextafter(PLACE_MAX, 0.0)
     relayed = (("r" * 31, COUNT_MAX, x, -x),) * RELAYED_MAX
     longest = Pose(
         "r" * 31, COUNT_MAX, COUNT_MAX, (x, x), (x, x), (x, x), "encircle", x, COUNT_MAX, relayed

@@ -13,7 +13,7 @@ from helpers_messages import SAMPLES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from encircle.protocol.codec import BYTES_MAX, decode, encode
+from encircle.protocol.codec import BYTES_MAX, decode, decode_pose, encode
 from encircle.protocol.errors import (
     MalformedMessage,
     OversizedMessage,
@@ -471,3 +471,31 @@ def test_an_observation_may_be_long_by_packets_and_by_nothing_else():
     assert "besides its packets" in refusal(Observation, strings, MalformedMessage)
     cut = msgpack.packb(body)[:-1]
     assert "not msgpack" in refusal(Observation, cut, MalformedMessage)
+
+
+FAR = (1.1e7, -1.1e7, 999_999_999.0)
+NEAR_M = 1e7
+PLACES = (
+    (Observation, "position", lambda m: [m, 0.0]),
+    (Observation, "target", lambda m: [0.0, m]),
+    (Observation, "seen", lambda m: [["r2", 0.0, m]]),
+    (Pose, "position", lambda m: [m, 0.0]),
+    (Pose, "velocity", lambda m: [0.0, m]),
+    (Pose, "detection", lambda m: [m, m]),
+    (Pose, "relayed", lambda m: [["r1", 2, m, 0.0]]),
+    (Pose, "estimate", lambda m: [3, 0.0, 0.0, m, 0.0, 1.0, 0.0, 1.0]),
+)
+
+
+@pytest.mark.parametrize(("kind", "name", "value"), PLACES)
+def test_what_no_robot_can_calculate_with_is_refused(kind, name, value):
+    """A place of 999,999,999 m has failed policies, whose next number was beyond what can be."""
+    body = msgpack.unpackb(encode(SAMPLES[kind], "g1"))
+    assert getattr(decode(kind, msgpack.packb(body | {name: value(NEAR_M)}), "g1"), name)
+    for far in FAR:
+        payload = msgpack.packb(body | {name: value(far)})
+        with pytest.raises(MalformedMessage, match=f"{kind.__name__}: {name} has "):
+            decode(kind, payload, "g1")
+        if kind is Pose:
+            with pytest.raises(MalformedMessage):
+                decode_pose(payload, "g1")
