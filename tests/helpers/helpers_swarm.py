@@ -39,6 +39,7 @@ ASK_AGAIN = 0.05
 RECKLESS, RECKLESS_SHARE = 1e6, 0.4
 BY_HAND_SHARE, BY_HAND_PER_TICK = 0.4, 0.15
 TALKER_SHARE = 0.25
+FLICKER_SHARE = 0.25
 
 
 def play(seed: int, junk: bool = True, faults: bool = True, order: int = 0) -> Result:
@@ -105,6 +106,7 @@ class _Run:
         self.reckless = {robot for robot in self.arena.ids if draws.random() < share}
         by_hand = random.Random(f"swarm by hand {seed}")
         self.by_hand = by_hand if faults and by_hand.random() < BY_HAND_SHARE else None
+        self.flicker = random.Random(f"swarm flicker {seed}")
         self.faults: Counter[str] = Counter()
         self.back: dict[str, int] = {}
         self.frozen: dict[str, list[tuple[str, bytes]]] = {}
@@ -223,7 +225,13 @@ class _Run:
         if self.fate.random() < 0.5:
             self.frozen[robot] = []
         self.faults["freeze" if robot in self.frozen else "kill"] += 1
-        return self.world.leave(robot, DepartureCause.NO_ANSWER)
+        following = self.world.leave(robot, DepartureCause.NO_ANSWER)
+        if self.flicker.random() < FLICKER_SHARE and self.world.state.tick == tick:
+            # It is back before the round in which it was lost is over.
+            del self.back[robot]
+            self._bring_back(robot)
+            self.faults["back in the same round"] += 1
+        return following
 
     def _bring_back(self, robot: str) -> None:
         """A robot that was killed is started again; one that was frozen says what it still had."""

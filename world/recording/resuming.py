@@ -180,13 +180,17 @@ def _play(core: WorldCore, now: _Round, then: _Round) -> None:
     # A robot may be lost after its answer, but not after the last one, which begins a new round.
     answered = [robot for robot in asked if robot in now.answers]
     early = [r for r in answered if r in lost_then and not _crashed(core, r, tick + 1)]
-    for robot in (*early, *(r for r in answered if r not in early)):
-        for message in now.answers[robot]:
+    # One that is lost and is back within a round is set up in the next: others end this one.
+    back = [r for r in asked if r in then.back]
+    for robot in (*back, *early, *(r for r in answered if r not in (*back, *early))):
+        for message in now.answers.get(robot, []):
             core.receive(*message)
-        if robot in early:
+        if robot in back or robot in early:
             core.leave(robot, LOST_BEFORE)
+        if robot in back:
+            core.join(robot)
     for robot in asked:
-        if robot not in answered:
+        if robot not in answered and robot not in back:
             core.leave(robot, LOST_BEFORE)
 
 

@@ -17,7 +17,7 @@ from encircle.runner.hunts import resume, run
 from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.recording.recording import Recording, RecordingError, read_recording
-from encircle.world.recording.resuming import rebuild
+from encircle.world.recording.resuming import digest_of, rebuild
 from encircle.world.recording.run_directory import set_aside, versions
 
 LIVELY = (
@@ -112,6 +112,33 @@ def test_robots_lost_by_chance_at_any_point_of_a_round_are_lost_again(tmp_path):
         at = resumed.core.state.tick
         assert at >= messages[length][0] - 1
         assert told(departures_of(resumed.core), at) == told(departures_of(core), at)
+
+
+@pytest.mark.parametrize("answers_given", [0, 1, 2], ids=["none", "its pose", "both"])
+def test_a_robot_lost_and_back_within_one_round_is_so_again(answers_given):
+    """A process that is killed and started anew, quicker than the others answer."""
+    messages = []
+    core = begun(WorldCore(arena(*LIVELY), RUN, record=lambda *m: messages.append(m)))
+    while core.ended is None:
+        tick, said = core.state.tick, answers(core)
+        if tick == 3:
+            own = [answer for answer in said if "/r2/" in answer[0]]
+            for answer in own[:answers_given]:
+                core.receive(*answer)
+            core.leave("r2", DepartureCause.NO_ANSWER)
+            core.join("r2")
+            said = [answer for answer in said if answer not in own]
+        for answer in said:
+            core.receive(*answer)
+    core.rounds.commit()
+    assert departures_of(core) == [(3, "r2", "lost: no answer"), (4, "r2", "back")]
+    scenario = small(*LIVELY)
+    whole = recording_of(messages, scenario, complete=True)
+    assert digest_of(whole) == core.rounds.journal.digest
+    for length in range(20, len(messages), 5):
+        resumed = rebuild(recording_of(messages[:length], scenario))
+        common = min(length, len(resumed.messages))
+        assert resumed.messages[:common] == messages[:common]
 
 
 def told(departures, before):
