@@ -168,15 +168,14 @@ def _play(core: WorldCore, now: _Round, then: _Round) -> None:
     """Play a whole round; ``then`` is the next one, in which it shows who was lost in this one."""
     _intervene(core, now)
     asked, tick = core.rounds.table.waiting(), core.state.tick
-    lost_then = then.lost
-    if lost_then is None:
-        # The recording may end among the setups, which come before any observation.
-        lost_then = tuple(robot for robot in core.rounds.lost if robot not in then.back)
     for robot in core.rounds.lost:
-        if robot not in lost_then:
+        if robot in then.back or (then.lost is not None and robot not in then.lost):
             core.join(robot)
-        elif not _crashed(core, robot, tick + 1):
+        elif then.lost is not None and not _crashed(core, robot, tick + 1):
             core.leave(robot, LOST_BEFORE)
+    # The recording may end before any observation of the next round, which would tell who is lost:
+    # then whoever is lost stays so, unless the scenario brings it back.
+    lost_then = then.lost or ()
     # A robot may be lost after its answer, but not after the last one, which begins a new round.
     answered = [robot for robot in asked if robot in now.answers]
     early = [r for r in answered if r in lost_then and not _crashed(core, r, tick + 1)]

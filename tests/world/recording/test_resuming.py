@@ -14,6 +14,7 @@ from encircle.protocol.codec import decode, encode
 from encircle.protocol.messages import Command
 from encircle.replay.replaying import replay
 from encircle.runner.hunts import resume, run
+from encircle.runner.memory import run_in_memory
 from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.recording.recording import Recording, RecordingError, read_recording
@@ -139,6 +140,26 @@ def test_a_robot_lost_and_back_within_one_round_is_so_again(answers_given):
         resumed = rebuild(recording_of(messages[:length], scenario))
         common = min(length, len(resumed.messages))
         assert resumed.messages[:common] == messages[:common]
+
+
+def test_cut_between_any_two_messages_a_run_with_a_crash_goes_on_to_the_same_end():
+    """Also after the state of the tick at which the robot is back, before anything else shows it."""
+    crash = 'events=[{kind="crash", robot="r2", tick=3, ticks=2}]'
+    scenario, hunted, messages = small(*LIVELY, crash), arena(*LIVELY, crash), []
+    whole = run_in_memory(hunted, RUN, _drop, lambda *m: messages.append(m))
+    assert [what for _, _, what in whole.departures] == ["lost: a crash in the scenario", "back"]
+    for length in range(len(messages)):
+        resumed = rebuild(recording_of(messages[:length], scenario))
+        again = list(resumed.messages)
+        result = run_in_memory(
+            hunted, RUN, _drop, lambda *m, into=again: into.append(m), resumed=resumed
+        )
+        assert again == messages, f"cut after {length} messages"
+        assert result.digest == whole.digest
+
+
+def _drop(_line):
+    """Nobody reads it."""
 
 
 def told(departures, before):
