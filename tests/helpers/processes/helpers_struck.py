@@ -41,7 +41,8 @@ BLOWS = (
 TICKS = (150, 400)
 BY_CLOCK_SHARE, TERMINATED_SHARE, SILENT_SHARE, CUT_SHARE = 0.15, 0.1, 0.05, 0.3
 TRIES_MAX = 50
-LATE_JOIN_S, TOO_LATE = 10.0, "did not take this robot in within"
+LATE_JOIN_S = 10.0
+TOO_LATE = ("did not take this robot in within", "cannot connect to")
 
 # For the nodes, which lose nobody by a limit of time unless they are told to.
 os.environ.setdefault("ENCIRCLE_ANSWER_TIMEOUT", f"{LONGEST_S}")
@@ -242,7 +243,11 @@ class _Struck:
         for robot in self.scenario.ids:
             node = hunt.robots[robot]
             status = node.end()
-            if status == 1 and robot in self.late and TOO_LATE in node.said.splitlines()[-1]:
+            if (
+                status == 1
+                and robot in self.late
+                and any(words in node.said.splitlines()[-1] for words in TOO_LATE)
+            ):
                 # The run was over before it had begun.
                 self.figures["robot came too late"] += 1
                 continue

@@ -143,7 +143,7 @@ def test_a_robot_lost_and_back_within_one_round_is_so_again(answers_given):
 
 
 def test_cut_between_any_two_messages_a_run_with_a_crash_goes_on_to_the_same_end():
-    """Also after the state of the tick at which the robot is back, before anything else shows it."""
+    """Also after the state of the tick at which the robot is back, with nothing yet to show it."""
     crash = 'events=[{kind="crash", robot="r2", tick=3, ticks=2}]'
     scenario, hunted, messages = small(*LIVELY, crash), arena(*LIVELY, crash), []
     whole = run_in_memory(hunted, RUN, _drop, lambda *m: messages.append(m))
