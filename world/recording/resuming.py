@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from encircle.protocol.codec import decode, encode
@@ -71,6 +72,22 @@ class _Round:
     interventions: list[Mapping[str, Any]] = field(default_factory=list)
 
 
+class _ReplayedCore(WorldCore):
+    """A world that is fed with a recording. ``rounds_to_play``: what is recorded of each tick.
+
+    Rounds in which no robot takes part follow each other at once: what was given by hand in one of
+    them is given while it is open.
+    """
+
+    rounds_to_play: Mapping[int, _Round] = MappingProxyType({})
+
+    def ask(self) -> list[Observation]:
+        observations = super().ask()
+        if not observations and self.ended is None:
+            _intervene(self, self.rounds_to_play.get(self.state.tick, _Round()))
+        return observations
+
+
 def read_last(directory: Path) -> Recording:
     """The recording in a run's directory that reaches furthest, of one attempt or more.
 
@@ -122,7 +139,7 @@ def rebuild(recording: Recording, log: Callable[[str], None] = lambda _line: Non
 def _played(recording: Recording, log: Callable[[str], None] = lambda _line: None) -> Resumed:
     """The world as the recording leaves it, which has come to the recorded messages."""
     messages: list[Recorded] = []
-    core = WorldCore(
+    core = _ReplayedCore(
         build(recording.scenario_as_written, recording.seed),
         recording.run,
         log,
@@ -130,11 +147,13 @@ def _played(recording: Recording, log: Callable[[str], None] = lambda _line: Non
     )
     for robot in core.arena.ids:
         core.join(robot)
-    core.begin()
+    core.rounds_to_play = _rounds_of(recording)
     try:
-        _play_all(core, recording)
+        core.begin()
+        _play_all(core, recording.path)
     except InterventionRefused as error:
         raise RecordingError(f"{recording.path}: tick {core.state.tick}: {error}") from None
+    core.rounds_to_play = {}
     core.rounds.commit()
     _check_same(recording, messages)
     return Resumed(core, messages, _histories(core, messages))
@@ -149,17 +168,15 @@ def _check_lock_step(recording: Recording, done: str, why: str) -> None:
         )
 
 
-def _play_all(core: WorldCore, recording: Recording) -> None:
+def _play_all(core: _ReplayedCore, path: Path) -> None:
     """Play all whole rounds, and give the events of the one that was under way."""
-    rounds = _rounds_of(recording)
+    rounds = core.rounds_to_play
     while core.ended is None and rounds.get(core.state.tick, _Round()).whole:
         check()
         tick = core.state.tick
         _play(core, rounds[tick], rounds.get(tick + 1, _Round()))
         if core.state.tick == tick and core.rounds.plugin_failure is None:
-            raise RecordingError(
-                f"{recording.path}: not all that robots said at tick {tick} counts"
-            )
+            raise RecordingError(f"{path}: not all that robots said at tick {tick} counts")
     if core.ended is None:
         _intervene(core, rounds.get(core.state.tick, _Round()))
 
