@@ -44,9 +44,14 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
     settings = options.parse(arguments)
     _check(options, settings)
     # Imported late: a mistyped command need not wait for them.
+    from encircle.protocol.zenoh.refusals import report_refusals
     from encircle.world.process.reports import ConsoleReporter, json_reports
 
-    with json_reports() if settings.json else nullcontext(ConsoleReporter()) as report:
+    # Refusals are read where standard output leads, so reports must know where it is meanwhile.
+    with (
+        report_refusals("world", settings.count_refusals),
+        json_reports() if settings.json else nullcontext(ConsoleReporter()) as report,
+    ):
         return _run(options, settings, report)
 
 
@@ -55,7 +60,6 @@ def _run(options: Options, settings: argparse.Namespace, report: "Reporter") -> 
     with lazy(*UNUSED):
         from encircle.protocol.process.log import bounded_log
         from encircle.protocol.zenoh.configuration import warning
-        from encircle.protocol.zenoh.refusals import report_refusals
         from encircle.world.arena.engine import build
         from encircle.world.loading.load import load
         from encircle.world.loading.remarks import remarks_on
@@ -102,11 +106,10 @@ def _run(options: Options, settings: argparse.Namespace, report: "Reporter") -> 
         remarks = [] if settings.parent else remarks_on(scenario)
         for line in [*([notice] if notice is not None else []), *remarks]:
             say_error(f"world: {line}")
-        with report_refusals("world", settings.count_refusals):
-            life = run_world(
-                arena, settings.run, where, settings.out, log, world_options, report, resumed
-            )
-            return asyncio.run(life)
+        life = run_world(
+            arena, settings.run, where, settings.out, log, world_options, report, resumed
+        )
+        return asyncio.run(life)
     except ConfigurationError as error:
         options.error(str(error))
     except (ScenarioError, RunDirectoryError) as error:

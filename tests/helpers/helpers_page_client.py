@@ -46,6 +46,9 @@ def flooding(address: str) -> Iterator[None]:
                         await feed.write_message('{"x": "' + 1000 * "y" + '"}')
                 finally:
                     feed.close()
+                    while await feed.read_message() is not None:
+                        # Until then its socket is open.
+                        pass
 
     thread = threading.Thread(target=lambda: asyncio.run(send()), name="flood", daemon=True)
     thread.start()

@@ -204,13 +204,13 @@ def test_a_page_that_may_not_has_no_controls(served, new_page):
 
 
 class Gate:
-    """Holds a hunt in memory at its first report until the test lets it go."""
+    """Holds a hunt in memory until the test lets it go, when there is something to be seen."""
 
     def __init__(self):
         self.reached, self.opened = threading.Event(), threading.Event()
 
     def __call__(self, report):
-        if "tick" in report and not self.reached.is_set():
+        if report.get("tick", 0) > 0 and not self.reached.is_set():
             self.reached.set()
             self.opened.wait()
 

@@ -68,7 +68,7 @@ def test_world_and_robots_are_found_by_their_tokens(router, environment, directl
     ("arguments", "said"),
     [
         (["weather"], "'weather' is not one of router, world, robot"),
-        ([], "what is missing"),
+        ([], "WHAT is missing"),
         (["robot", "--connect", "tcp/127.0.0.1:1"], "set ENCIRCLE_ROBOT"),
         (["router"], "neither an endpoint"),
         (["router", "--connect", "there"], "connect = 'there': must be"),
