@@ -60,7 +60,7 @@ def _remembered(
     ring_radius_m: float,
 ) -> Ring:
     """``bodies``: the team's positions, then the target's; else as ``best_ring``."""
-    *team, target = np.frombuffer(bodies).reshape(-1, 2).tolist()
+    *team, target = [(x, y) for x, y in np.frombuffer(bodies).reshape(-1, 2).tolist()]
     centres = np.frombuffer(predictions).reshape(-1, 2)
     points = encirclement_points(team, target, centres, ring_radius_m)
     assigned, distances = assign(np.array(team), points)
