@@ -12,6 +12,7 @@
 # make check        style, types and import contracts
 # make docs         the pages as a site, in build/site; a broken link fails it
 # make bench        the speeds that the README quotes
+# make bench-check  measures them anew and names what is slower than on record; some minutes, nightly
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -33,7 +34,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # A test that takes longer hangs, however slow and busy the machine is.
 HANG_S := 7200
 
-.PHONY: setup hunt test test-pythons test-loaded nightly hosts pages containers format check coverage docs bench clean
+.PHONY: setup hunt test test-pythons test-loaded nightly hosts pages containers format check coverage docs bench bench-check clean
 
 setup: $(READY)
 
@@ -70,6 +71,7 @@ test-loaded: setup
 nightly: setup
 	PYTEST_TIMEOUT=$(HANG_S) $(PYTEST) -m 'nightly or hosts'
 	$(MAKE) test-loaded
+	$(MAKE) bench-check
 
 hosts: setup
 	@command -v ip > /dev/null || apt-get install --yes --no-install-recommends iproute2
@@ -113,6 +115,11 @@ $(BENCH_VENV)/.ready: bench/requirements.txt
 
 bench: setup $(BENCH_VENV)/.ready
 	$(VENV)/bin/python bench/run.py --peers $(BENCH_VENV)/bin/python
+
+bench-check: setup $(BENCH_VENV)/.ready
+	@mkdir -p build
+	$(VENV)/bin/python bench/run.py --peers $(BENCH_VENV)/bin/python --json build/bench.json
+	$(VENV)/bin/python bench/check.py build/bench.json
 
 clean:
 	rm -rf .venv .venv-* .coverage .coverage.*

@@ -116,6 +116,9 @@ def in_memory(robots: int, ticks: int, peers: str | None, tell: Tell) -> dict[st
         "endless_ticks_per_s": median(endless),
         "ordinary_ticks_per_s": median(ordinary),
         "mpe2_physics_steps_per_s": median(physics) if physics else None,
+        "ratio_to_mpe2": median(e / p for e, p in zip(endless, physics, strict=True))
+        if physics
+        else None,
     }
 
 
