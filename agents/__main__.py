@@ -1,4 +1,4 @@
-"""``python -m encircle.agents ID --connect ENDPOINT --run RUN``: one robot, as a process."""
+"""``python -m encircle.agents ID ... --connect ENDPOINT --run RUN``: robots, as one process."""
 
 import sys
 
@@ -24,14 +24,13 @@ from encircle.protocol.zenoh.endpoints import ConfigurationError
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "python -m encircle.agents") -> int:
-    """Parse the command line and run the robot; returns the exit status."""
-    options = Options(program, "Run one robot.")
-    options.add(
+    """Parse the command line and run the robots; returns the exit status."""
+    options = Options(program, "Run one robot, or several in one process.")
+    options.add_names(
         "id",
-        "the robot's id, as in r1",
+        "the robot's id, as in r1; of several, each",
         read=name_of("robot"),
         variable="ENCIRCLE_ROBOT",
-        required=True,
     )
     options.add("--run", "name of the run to join", read=name_of("run"), required=True)
     options.add_endpoints()
@@ -58,22 +57,29 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m encir
     settings = options.parse(arguments)
     # Imported late: a mistyped command need not wait for scipy.
     with lazy(*UNUSED):
-        from encircle.agents.process.robot import JOIN_S_MAX, WORLD_S_MAX, RobotOptions, run_robot
+        from encircle.agents.process.robot import run_robots
+        from encircle.agents.process.robot_life import JOIN_S_MAX, WORLD_S_MAX, RobotOptions
         from encircle.protocol.zenoh.configuration import warning
 
     join_s_max = settings.join_timeout or JOIN_S_MAX
+    robots = settings.id
     try:
-        endpoints = endpoints_of(settings, join_s_max, name=settings.id)
+        if len(robots) > 1 and settings.certificates:
+            raise ConfigurationError(
+                f"certificates = {settings.certificates}: a certificate is one robot's;"
+                f" start {', '.join(robots)} each in a process of its own"
+            )
+        endpoints = endpoints_of(settings, join_s_max, name=robots[0])
         notice = warning(endpoints)
     except ConfigurationError as error:
         options.error(str(error))
     if notice is not None:
-        say_error(f"robot {settings.id}: {notice}")
+        say_error(f"robot {', '.join(robots)}: {notice}")
     world_s_max = settings.world_timeout or WORLD_S_MAX
     robot_options = RobotOptions(
         join_s_max, world_s_max, settings.stay, settings.quiet, settings.tracebacks
     )
-    return asyncio.run(run_robot(settings.id, settings.run, endpoints, robot_options))
+    return asyncio.run(run_robots(robots, settings.run, endpoints, robot_options))
 
 
 if __name__ == "__main__":

@@ -8,119 +8,118 @@ waking an asyncio loop from there costs half as much again as all the rest
 
 import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-from encircle.agents.brain.robot_core import RobotCore
-from encircle.agents.process.robot_runs import RobotRuns
-from encircle.agents.process.status_lines import StatusLog
-from encircle.agents.process.world_watch import RobotEnd, WorldWatch
-from encircle.protocol.endings import is_failure
+from encircle.agents.process.robot_host import RobotHost
+from encircle.agents.process.robot_life import Ending, RobotLife, RobotOptions
 from encircle.protocol.keys import robot_key, world_key
-from encircle.protocol.plugins import PluginLoadError
 from encircle.protocol.process.interrupts import end_is_known, expect_library_threads, signals_to
 from encircle.protocol.process.log import say_error
 from encircle.protocol.zenoh.connection import ConnectionFailed, ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.protocol.zenoh.unique_names import check_name_free
 
-JOIN_S_MAX = 30.0
-WORLD_S_MAX = 10.0
 CONNECT_NOTICE_S = 2.0
 STATUS_PERIOD_S = 0.2
 DECISION_S_MAX = 2.0
 """How long a robot that is to end waits for the decision that is under way, in s."""
 
 
-@dataclass(frozen=True, slots=True)
-class RobotOptions:
-    """What a robot does in whatever run.
-
-    ``join_s_max``, ``world_s_max``: how long it waits, in s, to be admitted, and for a world that
-    is gone. ``rejoins``: take part in run after run under the same name, until the world is gone.
-    ``quiet``: report only what goes wrong. ``tracebacks``: the directory for that of a policy that
-    fails, a temporary file if None. ``make_core``: as of ``RobotRuns``.
-    """
-
-    join_s_max: float = JOIN_S_MAX
-    world_s_max: float = WORLD_S_MAX
-    rejoins: bool = False
-    quiet: bool = False
-    tracebacks: Path | None = None
-    make_core: Callable[..., RobotCore] = RobotCore
-
-
 async def run_robot(robot: str, run: str, endpoints: Endpoints, options: RobotOptions) -> int:
-    """One robot's life in a run; returns the exit status: 0 if the run was completed.
+    """As ``run_robots``, of one."""
+    return await run_robots((robot,), run, endpoints, options)
 
-    1 if not, whatever the reason; but 2 if its policy cannot be loaded, which is no run's fault.
+
+async def run_robots(
+    robots: Sequence[str], run: str, endpoints: Endpoints, options: RobotOptions
+) -> int:
+    """The life of some robots in a run, over one connection; returns the exit status.
+
+    0 if the run was completed, 1 if not, whatever the reason; but 2 if a policy cannot be loaded,
+    which is no run's fault. Of several robots the highest.
     """
-    report_problem = partial(_report, f"robot {robot}")
-    report = _discard if options.quiet else report_problem
-    own_token = robot_key(run, robot, "alive")
-    check = partial(check_name_free, token=own_token, who=f"robot {robot} in run {run}")
+    who = _names(robots)
+    report = _discard if options.quiet else partial(_report, who)
     loop = asyncio.get_running_loop()
     notice = loop.call_later(CONNECT_NOTICE_S, report, f"connecting to {endpoints}")
+    expressions = [robot_key(run, robot, "*") for robot in robots]
     try:
         connection = await asyncio.to_thread(
-            ZenohConnection, endpoints, robot_key(run, robot, "*"), check
+            ZenohConnection, endpoints, expressions, partial(_check_names_free, robots, run)
         )
     except ConnectionFailed as error:
-        report_problem(str(error))
+        _report(who, str(error))
         return 1
     finally:
         notice.cancel()
-    runs = RobotRuns(robot, run, report, options.rejoins, options.tracebacks, options.make_core)
-    status_log = StatusLog(report)
+    world = f"the world of run {run} at {endpoints}"
+    lives = {robot: RobotLife(robot, run, world, options, len(robots) == 1) for robot in robots}
 
-    def report_in_order(line: str) -> None:
-        status_log.update(runs.core)
-        report(line)
+    def interrupt(name: str) -> None:
+        for life in lives.values():
+            life.end.interrupt(name)
 
-    world, end = f"the world of run {run} at {endpoints}", RobotEnd()
-    world_watch = WorldWatch(
-        runs, end, report_in_order, world, options.join_s_max, options.world_s_max
-    )
-    with signals_to(end.interrupt):
+    def world_changed(key: str, alive: bool) -> None:
+        for life in lives.values():
+            life.watch.token_changed(key, alive)
+
+    with signals_to(interrupt):
         report(f"waiting for {world}")
-        connection.watch(world_key(run, "alive"), world_watch.token_changed)
-        connection.answer_info_queries(robot_key(run, robot, "about"), robot)
-        connection.declare_alive(own_token)
-        await _take_part(runs, connection, world_watch, end, status_log)
-        status = _conclude(runs, end, report_problem, report)
+        connection.watch(world_key(run, "alive"), world_changed)
+        for robot in robots:
+            connection.answer_info_queries(robot_key(run, robot, "about"), robot)
+            connection.declare_alive(robot_key(run, robot, "alive"))
+        await _take_part(lives, run, connection)
+        endings = [life.conclude() for life in lives.values()]
+        _report_endings(endings, options.quiet)
         end_is_known()
-    return status
+    return max(ending.status for ending in endings)
 
 
-async def _take_part(
-    runs: RobotRuns,
-    connection: ZenohConnection,
-    world_watch: WorldWatch,
-    end: RobotEnd,
-    status_log: StatusLog,
-) -> None:
-    """Answer until the run is over or there is a reason to end early; close the connection."""
-    world_watch.await_admission()
-    rounds = _in_thread(partial(runs.answer, connection))
-    status = asyncio.create_task(_report_status(runs, status_log))
+def _check_names_free(robots: Sequence[str], run: str, session: Any) -> None:
+    for robot in robots:
+        check_name_free(session, robot_key(run, robot, "alive"), f"robot {robot} in run {run}")
+
+
+async def _take_part(lives: Mapping[str, RobotLife], run: str, connection: ZenohConnection) -> None:
+    """Answer until each robot's run is over or it has a reason to end; close the connection."""
+    loop = asyncio.get_running_loop()
+    for life in lives.values():
+        life.watch.await_admission()
+    runs = {robot: life.runs for robot, life in lives.items()}
+    finish = {robot: partial(_call_in_loop, loop, life.finished) for robot, life in lives.items()}
+    host = RobotHost(runs, connection, finish)
+    rounds = _in_thread(host.answer)
+    status = asyncio.create_task(_report_status(lives.values()))
+    living = {asyncio.create_task(life.over()): robot for robot, life in lives.items()}
     try:
-        await _first_of(rounds, end.reason, status)
+        while living:
+            done, _ = await asyncio.wait([*living, status], return_when=asyncio.FIRST_COMPLETED)
+            if status in done:
+                break
+            ended = [living.pop(task) for task in done if task in living]
+            for robot in ended if living else ():
+                # The others go on, and this one is there no more.
+                host.drop(robot)
+                channels = ("alive", "about", "*")
+                connection.withdraw(*(robot_key(run, robot, name) for name in channels))
     finally:
         status.cancel()
-        world_watch.cancel()
+        for life in lives.values():
+            life.watch.cancel()
         await asyncio.to_thread(connection.close)
         answered, _ = await asyncio.wait([rounds], timeout=DECISION_S_MAX)
     if answered:
         rounds.result()
     else:
         # A policy that never answers must not keep its process.
-        end.stop(f"still deciding at tick {runs.core.tick}: given up")
+        lives[host.deciding or next(iter(lives))].give_up_decision()
         expect_library_threads()
-    status_log.update(runs.core)
+    for life in lives.values():
+        life.update_status()
 
 
 def _in_thread(work: Callable[[], None]) -> "asyncio.Future[None]":
@@ -142,37 +141,34 @@ def _in_thread(work: Callable[[], None]) -> "asyncio.Future[None]":
     return done
 
 
-async def _report_status(runs: RobotRuns, status_log: StatusLog) -> None:
+async def _report_status(lives: Iterable[RobotLife]) -> None:
     while True:
-        status_log.update(runs.core)
+        for life in lives:
+            life.update_status()
         await asyncio.sleep(STATUS_PERIOD_S)
 
 
-def _conclude(
-    runs: RobotRuns,
-    end: RobotEnd,
-    report_problem: Callable[[str], None],
-    report: Callable[[str], None],
-) -> int:
-    """Report how it ended; returns the exit status."""
-    if runs.core.failed is not None:
-        return 2 if isinstance(runs.core.failed.error, PluginLoadError) else 1
-    ended = runs.core.ended
-    if ended is not None:
-        failed = is_failure(ended)
-        report_end = report_problem if failed and not runs.rejoins else report
-        report_end(f"run {runs.core.run} ended: {ended}")
-        return int(failed)
-    reason = end.reason.result() if end.reason.done() else "the link was closed"
-    if runs.idle and not end.interrupted:
-        report(reason)
-        return 0
-    report_problem(reason)
-    return 1
+def _call_in_loop(
+    loop: asyncio.AbstractEventLoop,
+    finished: Callable[[BaseException | None], None],
+    error: BaseException | None,
+) -> None:
+    with suppress(RuntimeError):  # the loop is closed: nobody waits any more
+        loop.call_soon_threadsafe(finished, error)
 
 
-async def _first_of(*futures: "asyncio.Future[Any]") -> None:
-    await asyncio.wait(futures, return_when=asyncio.FIRST_COMPLETED)
+def _report_endings(endings: Iterable[Ending], quiet: bool) -> None:
+    """A line for each way in which robots have ended."""
+    robots: dict[tuple[str, bool], list[str]] = {}
+    for ending in endings:
+        robots.setdefault((ending.line, ending.is_problem), []).append(ending.robot)
+    for (line, is_problem), names in robots.items():
+        if line and (is_problem or not quiet):
+            _report(_names(names), line)
+
+
+def _names(robots: Sequence[str]) -> str:
+    return f"robot {', '.join(robots)}"
 
 
 def _report(who: str, line: str) -> None:

@@ -9,12 +9,19 @@ PERIOD_S = 1.0
 
 
 class StatusLog:
-    """Reports what has changed about a robot since the last update; ``say`` takes a line."""
+    """Reports what has changed about a robot since the last update; ``say`` takes a line.
+
+    ``ticks``: whether to report a tick a second.
+    """
 
     def __init__(
-        self, say: Callable[[str], None], clock_s: Callable[[], float] = time.monotonic
+        self,
+        say: Callable[[str], None],
+        clock_s: Callable[[], float] = time.monotonic,
+        ticks: bool = True,
     ) -> None:
         self._say = say
+        self._ticks = ticks
         self._clock_s = clock_s
         self._reported_s = clock_s()
         self._tick = -1
@@ -29,7 +36,7 @@ class StatusLog:
             again = f" again at tick {setup.first_tick}" if setup.first_tick else ""
             self._setups = core.setups
             self._say(f"joined run {core.run}{again}, one of {len(setup.team)} robots")
-        elif tick > self._tick and self._clock_s() - self._reported_s >= PERIOD_S:
+        elif self._ticks and tick > self._tick and self._clock_s() - self._reported_s >= PERIOD_S:
             self._reported_s = self._clock_s()
             self._say(f"tick {tick}, {core.mode}")
         self._tick = tick

@@ -45,6 +45,7 @@ class HuntRequest(NamedTuple):
     timeouts: Timeouts
     pace: float | None = None
     show: "ShowOptions | None" = None
+    robots_per_process: int = 1
 
 
 def _pace(request: HuntRequest, scenario: Scenario) -> float | None:
@@ -73,6 +74,7 @@ def _hunt(
         "progress": progress,
         "when_lost": request.when_lost,
         "timeouts": request.timeouts,
+        "robots_per_process": request.robots_per_process,
     }
     if request.resume is not None:
         return resume(directory, **how)

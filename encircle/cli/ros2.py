@@ -106,7 +106,8 @@ def _look_on(settings: Namespace, hunt_side: "Endpoints", ros_side: "Endpoints")
 
 
 def _steer(settings: Namespace, hunt_side: "Endpoints", ros_side: "Endpoints") -> int:
-    from encircle.agents.process.robot import JOIN_S_MAX, RobotOptions, run_robot
+    from encircle.agents.process.robot import run_robot
+    from encircle.agents.process.robot_life import JOIN_S_MAX, RobotOptions
     from encircle.protocol.zenoh.raw_session import RawSession
     from encircle.ros2.message_types import MessageTypes
     from encircle.ros2.node import RosNode

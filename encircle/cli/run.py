@@ -13,7 +13,13 @@ from encircle.cli.watching import (
     show_options,
 )
 from encircle.protocol.process.deferred_imports import UNUSED, lazy
-from encircle.protocol.programs.option_values import one_of, pace, seconds, whole_number
+from encircle.protocol.programs.option_values import (
+    one_of,
+    pace,
+    seconds,
+    whole_number,
+    whole_number_in,
+)
 from encircle.protocol.programs.options import Options, variable_of
 from encircle.runner.links import LINKS
 from encircle.world.coordinator.result import GO_ON, WHEN_LOST
@@ -76,6 +82,7 @@ def _hunt(settings: Namespace, painter: Painter | None, show: "ShowOptions | Non
         timeouts,
         settings.pace,
         show,
+        settings.robots_per_process,
     )
     if painter is None:
         hunt_and_draw(request, settings.json)
@@ -109,6 +116,13 @@ def _options(program: str) -> Options:
         # By the same name and variable as of single nodes.
         options.add(name, text, read=seconds, variable=variable_of(name), metavar="S")
     options.add("--resume", "go on with a run that broke off", read=Path, metavar="RUN")
+    options.add(
+        "--robots-per-process",
+        "over Zenoh, so many robots share a process; 1 if left out",
+        read=whole_number_in(1),
+        default=1,
+        metavar="K",
+    )
     options.add_flag("--json", "print one JSON object")
     options.add(
         "--pace",

@@ -121,6 +121,7 @@ def run(
     interventions: "Interventions | None" = None,
     pace: float | None = None,
     onlooker: "HuntOnlooker | None" = None,
+    robots_per_process: int = 1,
 ) -> Hunt:
     """Run one hunt and wait for its end.
 
@@ -134,7 +135,8 @@ def run(
     given to the run while it goes on, from any thread; ``progress`` is told what became of each:
     ``{"intervention": {"given", "event"}}`` with the tick, or ``{"refused_intervention"}`` with
     why. ``pace``: how many times faster than real time ticks may go by, as fast as they can if
-    None. ``onlooker``: who is shown the hunt as it goes on.
+    None. ``onlooker``: who is shown the hunt as it goes on. ``robots_per_process``: over Zenoh, so
+    many robots share a process; in memory it means nothing.
 
     Raises ``ScenarioError`` for a scenario that cannot be run, ``RunDirectoryError`` for an
     unusable directory and ``RunFailed`` if the run does not come to its end; in memory
@@ -143,6 +145,7 @@ def run(
     """
     _check("link", link, LINKS)
     _check("when_lost", when_lost, WHEN_LOST)
+    _check_robots_per_process(robots_per_process)
     changes = [*overrides, *([f"seed={seed}"] if seed is not None else [])]
     if isinstance(scenario, Scenario):
         scenario = scenario.model_dump(mode="json", exclude_unset=True)
@@ -168,9 +171,9 @@ def run(
                 )
             else:
                 order = start_order or ["world", *loaded.ids]
-                given = (when_lost, timeouts, interventions, pace, onlooker)
+                given = (when_lost, timeouts, interventions, pace, onlooker, robots_per_process)
                 result, timing = _as_processes(loaded, name, directory, tell, order, *given)
-                processes = len(order)
+                processes = 1 + _robot_processes(loaded, robots_per_process)
     finally:
         if directory is not None and is_new:
             # Of a run that has not begun nothing is left.
@@ -192,12 +195,13 @@ def resume(
     interventions: "Interventions | None" = None,
     pace: float | None = None,
     onlooker: "HuntOnlooker | None" = None,
+    robots_per_process: int = 1,
 ) -> Hunt:
     """Go on with a run that broke off, where its recording in ``directory`` ends, to its end.
 
     The recording becomes whole; what it was is kept beside it. ``link``, ``progress``,
-    ``when_lost``, ``timeouts``, ``interventions``, ``pace`` and ``onlooker``: as for ``run``, and
-    the link may be another.
+    ``when_lost``, ``timeouts``, ``interventions``, ``pace``, ``onlooker`` and
+    ``robots_per_process``: as for ``run``, and link and processes may be others.
     Interventions that are recorded are played again by themselves. Raises
     ``RunDirectoryError`` if there is nothing to go on with, or if what is recorded is not what this
     program comes to; then nothing has been changed. ``RunFailed`` as for ``run``.
@@ -206,6 +210,7 @@ def resume(
 
     _check("link", link, LINKS)
     _check("when_lost", when_lost, WHEN_LOST)
+    _check_robots_per_process(robots_per_process)
     run_directory = Path(directory)
     begun = time.perf_counter()
     with signals_held():
@@ -224,9 +229,9 @@ def resume(
                 arguments = ["--resume", str(run_directory), "--when-lost", when_lost]
                 arguments += _pace_option(pace)
                 order = ["world", *scenario.ids]
-                given = (run_directory, timeouts, interventions, onlooker)
+                given = (run_directory, timeouts, interventions, onlooker, robots_per_process)
                 result, timing = run_processes(arguments, scenario.ids, name, tell, order, *given)
-                processes = len(order)
+                processes = 1 + _robot_processes(scenario, robots_per_process)
     wall_s = time.perf_counter() - begun
     return Hunt(
         scenario, scenario.seed, link, name, result, processes, wall_s, run_directory, timing
@@ -236,6 +241,15 @@ def resume(
 def _check(name: str, value: str, known: Sequence[str]) -> None:
     if value not in known:
         raise ValueError(f"{name} {value!r}: must be one of {', '.join(known)}")
+
+
+def _check_robots_per_process(value: int) -> None:
+    if type(value) is not int or value < 1:
+        raise ValueError(f"robots_per_process {value!r}: must be a whole number of at least 1")
+
+
+def _robot_processes(scenario: Scenario, robots_per_process: int) -> int:
+    return -(-len(scenario.ids) // robots_per_process)
 
 
 def check_link(scenario: Scenario, link: str) -> None:
@@ -387,6 +401,7 @@ def _as_processes(
     interventions: "Interventions | None",
     pace: float | None,
     onlooker: "HuntOnlooker | None",
+    robots_per_process: int,
 ) -> tuple[Result, dict[str, Any]]:
     from encircle.runner.launch import run_processes
 
@@ -396,7 +411,7 @@ def _as_processes(
         path.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
         arguments = [str(path), *(["--out", str(directory)] if directory else [])]
         arguments += ["--when-lost", when_lost, *_pace_option(pace)]
-        given = (directory, timeouts, interventions, onlooker)
+        given = (directory, timeouts, interventions, onlooker, robots_per_process)
         return run_processes(arguments, scenario.ids, name, tell, order, *given)
 
 

@@ -88,15 +88,18 @@ def run_processes(
     timeouts: Timeouts | None = None,
     interventions: Interventions | None = None,
     onlooker: HuntOnlooker | None = None,
+    robots_per_process: int = 1,
 ) -> tuple[Result, dict[str, Any]]:
-    """Run a hunt with one process per robot; returns its result and timings.
+    """Run a hunt as processes, one of the world and one per robot; its result and timings.
 
     ``world_arguments``: scenario and options for ``python -m encircle.world``. ``report`` gets the
     world's reports, and ``{"started": {name: pid}, "run": name, "endpoint": endpoint}`` first.
     ``start_order`` is for tests; ``directory``: that of the run, if any. ``interventions``: given
-    to the world by its standard input; ``onlooker``: who is shown the hunt. Raises ``RunFailed``.
+    to the world by its standard input; ``onlooker``: who is shown the hunt. ``robots_per_process``:
+    so many robots, in robot order, share a process. Raises ``RunFailed``.
     """
-    launch = _Launch(run, robots, report, directory, timeouts or TIMEOUTS, interventions, onlooker)
+    groups = robot_groups(robots, robots_per_process)
+    launch = _Launch(run, groups, report, directory, timeouts or TIMEOUTS, interventions, onlooker)
     with signals_to(launch.interrupt):
         try:
             outcome = asyncio.run(launch.run(world_arguments, start_order or ["world", *robots]))
@@ -107,11 +110,23 @@ def run_processes(
     return outcome
 
 
+def robot_groups(robots: Sequence[str], robots_per_process: int) -> list[tuple[str, ...]]:
+    """The robots of each process, in robot order.
+
+    >>> robot_groups(["r1", "r2", "r3"], 2)
+    [('r1', 'r2'), ('r3',)]
+    """
+    firsts = range(0, len(robots), robots_per_process)
+    return [tuple(robots[first : first + robots_per_process]) for first in firsts]
+
+
 class _Launch:
+    """One launch. ``groups``: the robots of each process, whose name is that of its first robot."""
+
     def __init__(
         self,
         run: str,
-        robots: Sequence[str],
+        groups: Sequence[tuple[str, ...]],
         report: Callable[[dict[str, Any]], None],
         directory: Path | None,
         timeouts: Timeouts,
@@ -122,7 +137,7 @@ class _Launch:
         self._interventions = interventions
         self._onlooker = onlooker
         self._control: asyncio.WriteTransport | None = None
-        self.robots = robots
+        self.robots_in = {group[0]: group for group in groups}
         self.robot_options = ["--tracebacks", str(directory)] if directory is not None else []
         self.report = report
         self.timeouts = timeouts
@@ -151,12 +166,18 @@ class _Launch:
         self._loop = asyncio.get_running_loop()
         try:
             for name in order:
+                if name != "world" and name not in self.robots_in:
+                    continue
                 if not self.interrupted:
                     await self._start(name, world_arguments)
                 if name == "world" and not self.interrupted:
                     await self._show()
             if not self.interrupted:
-                pids = {name: process.pid for name, process in self.processes.items()}
+                pids = {
+                    member: process.pid
+                    for name, process in self.processes.items()
+                    for member in self.robots_in.get(name, (name,))
+                }
                 self.report({"started": pids, "run": self.name, "endpoint": self.endpoint})
                 await self._follow()
         finally:
@@ -174,7 +195,13 @@ class _Launch:
             options += ["--control"] if self._interventions is not None else []
         else:
             program = "encircle.agents"
-            options = [name, "--connect", self.endpoint, "--quiet", *self.robot_options]
+            options = [
+                *self.robots_in[name],
+                "--connect",
+                self.endpoint,
+                "--quiet",
+                *self.robot_options,
+            ]
         options += ["--run", self.name, "--join-timeout", f"{self.timeouts.join_s_max}"]
         with ExitStack() as theirs:
             nothing = theirs.enter_context(open(os.devnull, "r+b", buffering=0)).fileno()
@@ -391,7 +418,8 @@ class _Launch:
             how = [
                 f" ({_ending(p.returncode)})"
                 for name, p in self.processes.items()
-                if reason.startswith(f"robot {name} ") and p.returncode
+                if p.returncode
+                and any(reason.startswith(f"robot {r} ") for r in self.robots_in.get(name, ()))
             ]
             raise RunFailed(reason + "".join(how), resumable=self.begun)
         return result, extra
@@ -402,12 +430,20 @@ class _Launch:
             return of_world[-1].removeprefix("world: ")
         of_robots = {
             robot: lines[-1].removeprefix(f"robot {robot}: ")
-            for robot in self.robots
-            if (lines := self._lines(robot, LineKind.PLUGIN))
+            for name, robots in self.robots_in.items()
+            for robot in robots
+            if (lines := self._lines_of(robot, name))
         }
         first, *others = of_robots or [""]
         # As a rule robots with the same policy fail at the same tick.
         return of_robots.get(first, "") + (f"; likewise {', '.join(others)}" if others else "")
+
+    def _lines_of(self, robot: str, name: str) -> list[str]:
+        """The lines of plug-ins that failed in one of the robots of a process."""
+        lines = self._lines(name, LineKind.PLUGIN)
+        if self.robots_in[name] == (robot,):
+            return lines
+        return [line for line in lines if line.startswith(f"robot {robot}: ")]
 
     def _lines(self, name: str, *kinds: LineKind) -> list[str]:
         return [text for kind, text in self.errors.get(name, ()) if kind in kinds]
@@ -436,7 +472,7 @@ class _Launch:
             if status and status > 0
             else ""
         )
-        return f"robot {name} {_ending(status)}{last}"
+        return f"robot {', '.join(self.robots_in[name])} {_ending(status)}{last}"
 
 
 def _has_failed(task: "asyncio.Task[None]") -> bool:

@@ -38,6 +38,7 @@ class _Setting(NamedTuple):
     joins: bool
     missing: str
     """What is said when it is required and missing."""
+    distinct: bool
 
 
 class _Parser(argparse.ArgumentParser):
@@ -89,6 +90,20 @@ class Options:
             # Whether it is missing is known only when the environment has been looked at.
             nargs=None if is_option else "?",
         )
+
+    def add_names(self, name: str, text: str, *, read: Callable[[str], str], variable: str) -> None:
+        """A positional argument of one or more names, each once; in its variable, apart by spaces.
+
+        ``read``: reads one of them.
+        """
+
+        def read_all(value: str) -> list[str]:
+            return [read(part) for part in re.split(r"[,\s]+", value) if part]
+
+        missing = f"{name} is missing ({text})"
+        how = {"required": True, "variable": variable, "missing": missing, "distinct": True}
+        self._keep(name, read_all, None, **how)
+        self._parser.add_argument(name, help=_help(text, variable), type=read, nargs="*")
 
     def add_list(
         self,
@@ -168,19 +183,26 @@ class Options:
         for setting in self._settings:
             key = _key(setting.name)
             given, inherited = getattr(settings, key), self._inherited(environment, setting)
-            if given is None:
+            if given is None or (setting.distinct and not given):
                 given = setting.default if inherited is None else inherited
             elif setting.joins:
                 given = [*(inherited or []), *given]
             if given is None and setting.required:
                 way = f"give it, or set {setting.variable}" if setting.variable else "give it"
                 self.error(f"{setting.missing}: {way}")
+            if setting.distinct:
+                self._check_distinct(given)
             setattr(settings, key, given)
         return settings
 
     def error(self, message: str) -> NoReturn:
         """End the process with status 2 and this message."""
         self._parser.error(message)
+
+    def _check_distinct(self, names: Sequence[str]) -> None:
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            self.error(f"{twice} is named twice")
 
     def _refuse(self, unknown: Sequence[str]) -> NoReturn:
         """Name what is not known, and the option that was perhaps meant."""
@@ -201,9 +223,11 @@ class Options:
         joins: bool = False,
         variable: str = "",
         missing: str = "",
+        distinct: bool = False,
     ) -> _Setting:
         variable = variable or (variable_of(name) if self._environment else "")
-        self._settings.append(_Setting(name, variable, read, default, required, joins, missing))
+        given = (name, variable, read, default, required, joins, missing, distinct)
+        self._settings.append(_Setting(*given))
         return self._settings[-1]
 
     def _inherited(self, environment: Mapping[str, str], setting: _Setting) -> Any:

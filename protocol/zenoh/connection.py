@@ -10,7 +10,7 @@ Liveliness comes in through a callback on one of Zenoh's threads, which only han
 
 import contextlib
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 import zenoh
@@ -18,6 +18,7 @@ import zenoh
 from encircle.protocol.errors import ConnectionClosed, ProtocolError
 from encircle.protocol.mailbox import now_us
 from encircle.protocol.zenoh.endpoints import ConnectionFailed, Endpoints
+from encircle.protocol.zenoh.inbox import inbox
 from encircle.protocol.zenoh.lanes import ROUND, SURE, message_priority
 from encircle.protocol.zenoh.liveliness import TokenFilter, subscribe_alive
 from encircle.protocol.zenoh.node_info import NodeInfo, decode_info, info_replier
@@ -34,15 +35,15 @@ INBOX_BYTES_MAX = 256 * 1024 * 1024
 class ZenohConnection:
     """A ``encircle.protocol.connections.Connection`` over one Zenoh session.
 
-    ``subscription``: key expression of the messages to receive; what this session sends itself
-    never comes back. ``check``: called before anything is received, and may raise to go no further.
-    Raises ``ConnectionFailed``.
+    ``subscription``: key expression of the messages to receive, or several; what this session sends
+    itself never comes back. ``check``: called before anything is received, and may raise to go no
+    further. Raises ``ConnectionFailed``.
     """
 
     def __init__(
         self,
         endpoints: Endpoints,
-        subscription: str,
+        subscription: str | Collection[str],
         check: Callable[[zenoh.Session], None] = lambda _session: None,
     ) -> None:
         self._session = open_session(endpoints)
@@ -55,17 +56,14 @@ class ZenohConnection:
         self._publishers: dict[tuple[str, str], zenoh.Publisher] = {}
         self._last_payloads: dict[str, bytes] = {}
         self._waits = True
-        self._tokens: list[zenoh.LivelinessToken] = []
+        self._declared: dict[str, Any] = {}
         self._watchers: list[Any] = []
         self._closing = threading.Lock()
         self._closed = threading.Event()
         # Zenoh bounds a channel by count alone, and a message by its bytes.
         count_max = min(INBOX_MAX, INBOX_BYTES_MAX // endpoints.message_bytes_max)
-        self._inbox = self._session.declare_subscriber(
-            subscription,
-            zenoh.handlers.FifoChannel(count_max),
-            allowed_origin=zenoh.Locality.REMOTE,
-        )
+        expressions = (subscription,) if isinstance(subscription, str) else subscription
+        self._inbox = inbox(self._session, expressions, count_max)
 
     @property
     def session(self) -> zenoh.Session:
@@ -99,19 +97,12 @@ class ZenohConnection:
 
     def receive(self) -> tuple[str, bytes]:
         """The next message; ``ConnectionClosed`` once ``close`` was called."""
-        try:
-            sample = self._inbox.recv()
-        except zenoh.ZError as error:
-            raise ConnectionClosed(str(error)) from None
-        return str(sample.key_expr), sample.payload.to_bytes()
+        return self._inbox.take()
 
     def waiting(self) -> Iterator[tuple[str, bytes]]:
         """The messages that are there now, one by one; ``ConnectionClosed`` as in ``receive``."""
-        try:
-            while (sample := self._inbox.try_recv()) is not None:
-                yield str(sample.key_expr), sample.payload.to_bytes()
-        except zenoh.ZError as error:
-            raise ConnectionClosed(str(error)) from None
+        while (message := self._inbox.take_waiting()) is not None:
+            yield message
 
     def subscribe(self, expression: str, tell: Callable[[str, bytes], None]) -> Callable[[], None]:
         """As in ``Connection``; ``tell`` is called on one of Zenoh's threads."""
@@ -137,7 +128,7 @@ class ZenohConnection:
 
     def declare_alive(self, key: str) -> None:
         """Declare a liveliness token: it is gone when this process is, however it ends."""
-        self._tokens.append(self._session.liveliness().declare_token(key))
+        self._declared[key] = self._session.liveliness().declare_token(key)
 
     def watch(self, expression: str, tell: Callable[[str, bool], None]) -> None:
         """Call ``tell(key, alive)`` for tokens that are there, come or go, from another thread.
@@ -155,7 +146,16 @@ class ZenohConnection:
 
     def answer_queries(self, key: str, reply: Callable[[], bytes]) -> None:
         """Answer whoever asks on a key with what ``reply`` makes, on one of Zenoh's threads."""
-        self._watchers.append(serve_queries(self._session, key, reply))
+        self._declared[key] = serve_queries(self._session, key, reply)
+
+    def withdraw(self, *keys: str) -> None:
+        """Take back what was declared on these keys: tokens, answers to queries, subscriptions."""
+        for key in keys:
+            self._inbox.leave(key)
+            declared = self._declared.pop(key, None)
+            if declared is not None:
+                with contextlib.suppress(zenoh.ZError):  # the session may be closed by now
+                    declared.undeclare()
 
     def flush(self, expression: str, s_max: float) -> bool:
         """Wait until the nodes that answer queries on such keys have had what was sent.
@@ -192,6 +192,7 @@ class ZenohConnection:
                 emptying = threading.Thread(target=self._drain, name="emptying", daemon=True)
                 emptying.start()
                 close_session(self._session)
+                self._inbox.close()
                 emptying.join(CLOSE_S_MAX)
 
     def _drain(self) -> None:

@@ -211,11 +211,11 @@ def test_a_script_that_starts_world_and_robots_leaves_none_of_them(number, folde
 
 SIGNALLED_WHEN_OVER = """
 import asyncio, signal, sys
-from encircle.agents.process import robot
+from encircle.agents.process import robot, robot_life
 from encircle.protocol.process.interrupts import exit_on_signal
 from encircle.protocol.zenoh.endpoints import Endpoints
 exit_on_signal("robot")
-conclude, run_robot = robot._conclude, robot.run_robot
+conclude, run_robot = robot_life.RobotLife.conclude, robot.run_robot
 def signalled(*of):
     signal.raise_signal(signal.SIGTERM)
     return conclude(*of)
@@ -223,8 +223,8 @@ async def run(*of):
     status = await run_robot(*of)
     signal.raise_signal(signal.SIGTERM)
     return status
-robot._conclude = signalled
-options = robot.RobotOptions(join_s_max=0.1)
+robot_life.RobotLife.conclude = signalled
+options = robot_life.RobotOptions(join_s_max=0.1)
 sys.exit(asyncio.run(run("r1", "none", Endpoints(listen=(sys.argv[1],)), options)))
 """
 
