@@ -20,6 +20,10 @@ from encircle.protocol.keys import channel_of, robot_key
 from encircle.protocol.mailbox import Mailbox, now_us
 from encircle.protocol.messages import Observation, PoseCarrier
 
+_ONE_AT_A_TIME = threading.Lock()
+"""Robots that share a process decide one after the other: a policy is not asked to be safe in
+threads, nor are imports that wait for their first use."""
+
 
 def is_timed(core: RobotCore, key: str, payload: bytes) -> bool | None:
     """Whether a world goes by the clock, by its observation; None if this is no observation."""
@@ -61,7 +65,8 @@ def answer(
             robot.count_dropped(dropped)
             action = None
             if core.ended is None:
-                action = slow.timed(robot.decide, core.setup.tick_s if core.setup else None)
+                with _ONE_AT_A_TIME:
+                    action = slow.timed(robot.decide, core.setup.tick_s if core.setup else None)
             if action is not None:
                 _send(connection, robot.messages(action, now_us()))
             elif time.monotonic() >= stop_s and core.ended is None:
