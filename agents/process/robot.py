@@ -20,7 +20,7 @@ from encircle.protocol.process.interrupts import end_is_known, expect_library_th
 from encircle.protocol.process.log import say_error
 from encircle.protocol.zenoh.connection import ConnectionFailed, ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
-from encircle.protocol.zenoh.unique_names import check_name_free
+from encircle.protocol.zenoh.liveliness import check_name_free
 
 CONNECT_NOTICE_S = 2.0
 STATUS_PERIOD_S = 0.2

@@ -101,8 +101,7 @@ class Options:
             return [read(part) for part in re.split(r"[,\s]+", value) if part]
 
         missing = f"{name} is missing ({text})"
-        how = {"required": True, "variable": variable, "missing": missing, "distinct": True}
-        self._keep(name, read_all, None, **how)
+        self._keep(name, read_all, None, True, variable=variable, missing=missing, distinct=True)
         self._parser.add_argument(name, help=_help(text, variable), type=read, nargs="*")
 
     def add_list(

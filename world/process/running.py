@@ -20,7 +20,7 @@ from encircle.protocol.process.log import LineKind, say_error
 from encircle.protocol.process.tracebacks import failure_line
 from encircle.protocol.zenoh.connection import ConnectionFailed, ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
-from encircle.protocol.zenoh.unique_names import check_name_free
+from encircle.protocol.zenoh.liveliness import check_name_free
 from encircle.world.arena.engine import Arena
 from encircle.world.coordinator.real_time_core import RealTimeWorldCore
 from encircle.world.coordinator.world_core import WorldCore

@@ -108,7 +108,7 @@ def test_a_policy_that_fails_is_told_by_its_robots_line(tmp_path, monkeypatch):
     [
         (["r1", "r1"], "r1 is named twice"),
         (["r1", "r/2"], "robot 'r/2' is not a valid name"),
-        ([], "id is missing: give it, or set ENCIRCLE_ROBOT"),
+        ([], "give it, or set ENCIRCLE_ROBOT"),
     ],
 )
 def test_names_that_make_no_sense_are_refused_with_one_line(names, said):

@@ -30,11 +30,16 @@ from encircle.protocol.errors import UnknownKey
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.messages import Observation, Setup
 from encircle.protocol.programs.router import Tokens
-from encircle.protocol.zenoh import unique_names as one_of_a_name
+from encircle.protocol.zenoh import liveliness as one_of_a_name
 from encircle.protocol.zenoh.endpoints import Endpoints
-from encircle.protocol.zenoh.liveliness import alive_keys, is_alive, subscribe_alive
+from encircle.protocol.zenoh.liveliness import (
+    NameInUse,
+    alive_keys,
+    check_name_free,
+    is_alive,
+    subscribe_alive,
+)
 from encircle.protocol.zenoh.session import open_session
-from encircle.protocol.zenoh.unique_names import NameInUse, check_name_free
 
 STRANGER = STRANGER_FOLDER / "robot.py"
 RUN = "faulty"
