@@ -63,9 +63,8 @@ def table_sentences(scores: Scores, seeds: int) -> list[str]:
     """What the table of all policies lets one say."""
     first = scores.of[0]
     lines = [
-        f"{first.policy} has the highest score: {percent(first.over_all)} % of the hunts end in a"
-        f" capture, the bounds for other seeds and other tasks of this kind;"
-        f" {_on_these_tasks(first)}."
+        f"{first.policy} has the highest score, {_score_and_bounds(first)}. The decided differences"
+        f" leave rank {open_ranks(first)} open to it."
     ]
     if len(scores.of) > 1:
         lines += [_stability(first), _decided(scores)]
@@ -96,8 +95,7 @@ def own_sentences(scores: Scores, own: str) -> list[str]:
     equal = [one.policy for one in scores.of if one.rank == score.rank and one.policy != own]
     shared = f", shared with {_listed(equal)}" if equal else ""
     return [
-        f"On the public seeds {own} scores {percent(score.over_all)} %, the bounds for other seeds"
-        f" and other tasks of this kind; {_on_these_tasks(score)}.",
+        f"On the public seeds {own} scores {_score_and_bounds(score)}.",
         f"It holds rank {score.rank} of {len(scores.of)}{shared}; the decided differences leave"
         f" rank {open_ranks(score)} open.",
         f"Seed by seed on these tasks its score is {'; '.join(said)}.",
@@ -158,12 +156,16 @@ def _decided(scores: Scores) -> str:
     return f"{text}. The order of these neighbours is undecided: {pairs}."
 
 
-def _on_these_tasks(score: Score) -> str:
-    """The bounds over seeds, as a clause."""
-    _, low, high = score.over_seeds
-    if np.isnan(low):
-        return "a single seed has no bounds for others on these tasks"
-    return f"for other seeds on these tasks they are [{100.0 * low:.1f}, {100.0 * high:.1f}] %"
+def _score_and_bounds(score: Score) -> str:
+    """A score in words: ``55.1 %``, its bounds over seeds, and those over tasks too."""
+    value, low, high = (100.0 * bound for bound in score.over_all)
+    _, seeds_low, seeds_high = (100.0 * bound for bound in score.over_seeds)
+    of_seeds = f"[{seeds_low:.1f}, {seeds_high:.1f}] %"
+    known = "no bounds with a single seed" if np.isnan(seeds_low) else of_seeds
+    return (
+        f"{value:.1f} %: {known} for other seeds on these tasks, [{low:.1f}, {high:.1f}] % for"
+        " other seeds and other tasks of this kind"
+    )
 
 
 def _listed(names: Sequence[str]) -> str:

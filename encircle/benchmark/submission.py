@@ -4,6 +4,7 @@ The directory is that of a study with one policy, so that it is gone on with, lo
 like any study. The published table is not run again: its runs have the same public seeds.
 """
 
+import json
 import re
 import shlex
 import warnings
@@ -28,6 +29,7 @@ from encircle.protocol.process.interrupts import Interrupted, signals_held
 from encircle.protocol.process.log import say_error
 from encircle.studies.plan import StudyError
 from encircle.studies.study import Study
+from encircle.studies.study_table import OWNER_FILE
 from encircle.studies.workers import StudyFailed
 from encircle.world.loading.remarks import ScenarioRemark
 
@@ -68,6 +70,7 @@ def run_submission(request: Request) -> dict[str, Any]:
     request = replace(request, name=name)
     plan = submission_plan(request.policy, name, request.seeds, request.policy_parameters)
     study = Study(plan, request.directory)
+    _refuse_other_name(study.directory, name)
     ran = _run(study, request.workers)
     say_error(f"{name}: writing page and bundle")
     runs = read_runs(study.directory)
@@ -129,11 +132,10 @@ def split_seeds(runs: BenchmarkRuns) -> tuple[Outcomes, Outcomes]:
     leave seeds out could choose them.
     """
     name, number = runs.plan.title, len(runs.outcomes.seeds) // 2
-    expected = number in range(1, SEEDS + 1) and (
-        *public_seeds(number),
-        *held_out_seeds(VERSION, name, number),
-    )
-    if runs.outcomes.seeds != expected or len(runs.outcomes.policies) != 1:
+    expected: tuple[int, ...] = ()
+    if 0 < number <= SEEDS:
+        expected = (*public_seeds(number), *held_out_seeds(VERSION, name, number))
+    if set(runs.outcomes.seeds) != set(expected) or len(runs.outcomes.policies) != 1:
         raise StudyError(
             f"the runs are not those of one policy with the public seeds and those that are held"
             f" out for {name!r}"
@@ -188,6 +190,20 @@ def _submitted_name(text: str) -> str:
     if name in POLICIES:
         raise StudyError(f"--name: {name!r} is the name of a shipped policy; choose another")
     return name
+
+
+def _refuse_other_name(directory: Path, name: str) -> None:
+    """Refuse a directory of a submission of another name, which has other held-out seeds."""
+    try:
+        tree = json.loads((directory / OWNER_FILE).read_text(encoding="utf-8"))
+        other = str(tree["plan"]["title"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return  # new, or not a submission's: the table says so
+    if other != name:
+        raise StudyError(
+            f"{directory} holds the runs of {other!r}, this is {name!r}: choose another --out;"
+            " nothing was changed"
+        )
 
 
 def _slug(name: str) -> str:

@@ -49,7 +49,10 @@ def read_runs(directory: Path) -> BenchmarkRuns:
         plan, code = Plan.model_validate(owner["plan"]), str(owner["code"])
     except (OSError, ValueError, KeyError, TypeError):
         raise StudyError(f"{directory} is not a study's directory, or is damaged") from None
-    return runs_of(plan, _rows(directory), code, str(directory))
+    rows = _rows(directory)
+    # The plan is that of the first call, and later ones may have added seeds.
+    seeds = tuple(sorted({row["seed"] for row in rows})) or plan.seed_list
+    return runs_of(_with_seeds(plan, seeds), rows, code, str(directory))
 
 
 def runs_of(plan: Plan, rows: Iterable[Mapping[str, Any]], code: str, where: str) -> BenchmarkRuns:
@@ -85,8 +88,14 @@ def runs_of(plan: Plan, rows: Iterable[Mapping[str, Any]], code: str, where: str
 
 def limit_ticks(plan: Plan) -> NDArray[np.int64]:
     """(T,) how long a run of each task lasts without capture."""
-    cells = range(0, len(plan.cells), len(plan.strategies))
-    return np.array([plan.scenario_of(cell).ticks_max for cell in cells], np.int64)
+    # The scenarios themselves need the policy, whose file may not be here.
+    tasks = plan.axes[0].arms or ()
+    return np.array([task.set["ticks_max"] for task in tasks], np.int64)
+
+
+def _with_seeds(plan: Plan, seeds: tuple[int, ...]) -> Plan:
+    # A copy would keep the cached seeds.
+    return Plan.model_validate({**plan.model_dump(), "seeds": seeds})
 
 
 def _check_tasks(plan: Plan, where: str) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from encircle.benchmark.tables import read_runs
 from encircle.benchmark.tasks import POLICIES, submission_plan, tasks, tasks_digest
 from encircle.studies.plan import StudyError
 from encircle.studies.plan_files import load_plan
+from encircle.studies.study_table import StudyTable
 
 BYTES_MAX = 300_000
 
@@ -68,10 +70,19 @@ def test_a_seed_without_all_its_runs_is_left_out(study, tmp_path):
     directory, plan = study
     copy = tmp_path / "copy"
     shutil.copytree(directory, copy)
-    owner = json.loads((copy / "study.json").read_text())
-    owner["plan"]["seeds"] = [*plan.seed_list, 140_004]
-    (copy / "study.json").write_text(json.dumps(owner))
+    with closing(StudyTable(copy, load_plan("benchmark", seeds="140001-140004"), CODE)) as table:
+        (row,) = table.read(cells=slice(0, 1)).to_pylist()[:1]
+        table.append([{**row, "seed": 140_004}])
     assert read_runs(copy).outcomes.seeds == plan.seed_list
+
+
+def test_seeds_that_a_later_call_has_added_count(study, tmp_path):
+    """The plan beside the table stays that of the first call."""
+    directory, plan = study
+    copy = tmp_path / "copy"
+    shutil.copytree(directory, copy)
+    filled_study(copy, load_plan("benchmark", seeds="140004-140005"), ticks_of)
+    assert read_runs(copy).outcomes.seeds == (*plan.seed_list, 140_004, 140_005)
 
 
 @pytest.mark.parametrize(
