@@ -139,6 +139,10 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
     visible = state.visible[:count].tolist()
     scans = state.scans.tolist()
     headings = state.headings.tolist()
+    # Without errors all see a robot where it is, and what they see of it is made once.
+    sights = [[(k, *p) for k, p in zip(arena.ids, told[0], strict=True)]] * count
+    if errors is not None:
+        sights = [[(k, *p) for k, p in zip(arena.ids, by, strict=True)] for by in told]
     return [
         Observation(
             robot,
@@ -147,7 +151,7 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
             headings[i],
             targets[i] if visible[i][count] else None,
             tuple(scans[i]),
-            tuple([(arena.ids[k], *told[i][k]) for k in range(count) if visible[i][k]]),
+            tuple(compress(sights[i], visible[i])),
             tuple(inboxes[i]),
             tuple(lost),
         )

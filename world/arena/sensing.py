@@ -15,6 +15,11 @@ from encircle.protocol.messages import Point
 from encircle.world.arena.dynamics import quantised
 from encircle.world.random_streams import Purpose, normal_pairs
 
+FEW_PAIRS_MAX = 100
+"""Up to so many pairs of bodies all rays of each are computed, which takes fewer calls."""
+SLIM_SHARE = 0.99
+"""Of half the angle between two rays: a body seen under less meets one ray at most."""
+
 
 class Geometry(NamedTuple):
     """Relative positions of everything, computed once per tick.
@@ -84,24 +89,61 @@ def scan(
     near = geo.distances - radii < ranges[:, None]
     near[_diagonal(count)] = False
     rows, columns = np.nonzero(near)
+    if len(rows) > FEW_PAIRS_MAX:
+        slim = geo.distances[rows, columns] > radii[columns] / np.sin(SLIM_SHARE * np.pi / rays)
+        _scan_slim(geo, radii, rows[slim], columns[slim], result)
+        rows, columns = rows[~slim], columns[~slim]
     if len(rows) == 0:
         return result
     cos, sin = ray_directions(rays)
     x, y = geo.x[rows, columns, None], geo.y[rows, columns, None]
-    aside = x * sin
-    aside -= y * cos
-    ahead = x * cos
-    ahead += y * sin
-    half_squared = (radii[columns] ** 2)[:, None] - aside * aside
-    hit = (half_squared >= 0.0) & (ahead > 0.0)
-    reach = ahead - np.sqrt(np.maximum(half_squared, 0.0))
-    reach[~hit] = np.inf
+    reach = _reach(x, y, radii[columns, None], cos, sin)
     # Pairs come sorted by row, so each row's pairs are one run.
     starts = np.concatenate(([0], np.flatnonzero(rows[1:] != rows[:-1]) + 1))
     nearest = np.minimum.reduceat(reach, starts, axis=0)
     seen = rows[starts]
     result[seen] = np.minimum(result[seen], np.maximum(nearest, 0.0))
     return result
+
+
+def _scan_slim(
+    geo: Geometry,
+    radii: NDArray[np.float64],
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    result: NDArray[np.float64],
+) -> None:
+    """Put the surfaces of bodies that one ray at most can meet into ``result``, row by row.
+
+    Seen from afar a body is narrower than the angle between two rays. Of all rays only the one
+    nearest to its bearing can meet it, so that a pair costs one ray and not all of them.
+    """
+    rays = result.shape[1]
+    x, y = geo.x[rows, columns], geo.y[rows, columns]
+    ray = np.rint(np.arctan2(y, x) * (rays / (2.0 * np.pi))).astype(np.intp) % rays
+    cos, sin = ray_directions(rays)
+    reach = _reach(x, y, radii[columns], cos[ray], sin[ray])
+    met = reach < np.inf
+    np.minimum.at(result, (rows[met], ray[met]), np.maximum(reach[met], 0.0))
+
+
+def _reach(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    cos: NDArray[np.float64],
+    sin: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """How far along rays the surface of a disc at ``x``, ``y`` is, infinite where it is not met."""
+    aside = x * sin
+    aside -= y * cos
+    ahead = x * cos
+    ahead += y * sin
+    half_squared = radii**2 - aside * aside
+    hit = (half_squared >= 0.0) & (ahead > 0.0)
+    reach = ahead - np.sqrt(np.maximum(half_squared, 0.0))
+    reach[~hit] = np.inf
+    return reach
 
 
 def detected(

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from encircle.world.arena import sensing
 from encircle.world.arena.sensing import geometry, in_sight, ray_directions, scan
 
 SETTINGS = settings(deadline=None, derandomize=True, max_examples=80)
@@ -138,3 +139,22 @@ def test_the_first_ray_points_along_x_and_the_next_ones_counter_clockwise():
     np.testing.assert_allclose(sines[[0, 2, 4, 6]], [0, 1, 0, -1], atol=1e-15)
     geo = geometry(np.array([[0.0, 0.0], [0.0, 3.0]]), np.array([0.5, 1.0]), 1)
     assert scan(geo, np.array([6.0]), np.array([0.5, 1.0]), 4).tolist() == [[6.0, 2.0, 6.0, 6.0]]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_bodies_that_one_ray_at_most_can_meet_cost_one_ray_and_give_the_same_bits(
+    seed, monkeypatch
+):
+    draw = np.random.default_rng(seed)
+    moving, side_m = int(draw.integers(2, 60)), float(draw.choice([3.0, 20.0, 100.0]))
+    positions = draw.uniform(-side_m, side_m, (moving + 3, 2))
+    if seed % 3 == 0:
+        positions = np.round(positions)  # many lie exactly on rays, or midway between two
+    radii = np.append(np.full(moving, 0.2), draw.uniform(0.2, 3.0, 3))
+    ranges = np.full(moving, float(draw.choice([5.0, 30.0, 200.0])))
+    relative = geometry(positions, radii, moving)
+    for rays in (1, 2, 3, 8, 36, 90):
+        monkeypatch.setattr(sensing, "FEW_PAIRS_MAX", moving * len(radii))
+        every_ray = scan(relative, ranges, radii, rays)
+        monkeypatch.setattr(sensing, "FEW_PAIRS_MAX", 0)
+        assert scan(relative, ranges, radii, rays).tobytes() == every_ray.tobytes()
