@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from encircle.benchmark.outcomes import Outcomes
 from encircle.benchmark.tasks import STUDY, TASK_AXIS, VERSION, tasks_digest
 from encircle.studies.plan import STRATEGY_AXIS, Plan, StudyError
-from encircle.studies.study_table import OWNER_FILE, PARTS_DIRECTORY, TABLE_FILE
+from encircle.studies.study_directory import OWNER_FILE, PARTS_DIRECTORY, TABLE_FILE
 from encircle.studies.summary import CAPTURED, TICKS
 from encircle.studies.tasks import FAILED
 

@@ -33,7 +33,7 @@ from encircle.studies.plan import Plan, StudyError
 from encircle.studies.plan_files import load_plan
 from encircle.studies.sources import plugin_files
 from encircle.studies.study import Study
-from encircle.studies.study_table import OWNER_FILE, PARTS_DIRECTORY, TABLE_FILE
+from encircle.studies.study_directory import OWNER_FILE, PARTS_DIRECTORY, TABLE_FILE
 from encircle.studies.tasks import FAILED
 from encircle.whole_files import made_whole
 

@@ -23,7 +23,7 @@ from encircle.protocol.plugins import PluginFailed, error_line
 from encircle.protocol.process.log import bounded_log
 from encircle.replay.replaying import replay
 from encircle.runner.memory import RunEndedByPlugin, run_in_memory
-from encircle.studies.tasks import RUN
+from encircle.studies.running import RUN
 from encircle.world.arena.engine import build
 from encircle.world.loading.load import load
 from encircle.world.recording.recorder import Recorder

@@ -13,7 +13,8 @@ from encircle.studies.charts.charts import FIGURES
 from encircle.studies.csv_files import CELLS_FILE, COMPARISONS_FILE
 from encircle.studies.plan import Plan
 from encircle.studies.report.numbers import report_numbers
-from encircle.studies.report.report import REPORT_FILE, write_report
+from encircle.studies.report.report import write_report
+from encircle.studies.study_directory import REPORT_FILE
 from encircle.studies.study_table import StudyTable
 from encircle.studies.summary import summarise
 

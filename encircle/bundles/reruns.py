@@ -26,7 +26,8 @@ from encircle.protocol.plugins import error_line
 from encircle.protocol.process.interrupts import signals_held
 from encircle.protocol.process.tracebacks import TRACEBACK_IN
 from encircle.runner import process_pool as pool
-from encircle.studies.tasks import FAILED, TRACEBACK, Task, run_task
+from encircle.studies.running import run_task
+from encircle.studies.tasks import FAILED, TRACEBACK, Task
 from encircle.world.scenario.errors import ScenarioError
 
 TASK_RUNS = 4

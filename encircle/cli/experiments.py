@@ -73,7 +73,8 @@ def study_main(arguments: Sequence[str], program: str) -> int:
     from encircle.studies.plan import StudyError
 
     with needing("a study", "studies"):
-        from encircle.studies.command import Request, run_study, show
+        from encircle.studies.command import run_study, show
+        from encircle.studies.request import Request
         from encircle.studies.workers import StudyFailed
     request = Request(
         settings.name,

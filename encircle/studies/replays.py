@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 
-from encircle.extras import needing
 from encircle.protocol.plugins import error_line
 from encircle.protocol.process.interrupts import check, signals_held
 from encircle.protocol.process.log import bounded_log
@@ -18,7 +17,7 @@ from encircle.runner.memory import RunEndedByPlugin, run_in_memory
 from encircle.scene.builder import BeliefsLeftOut
 from encircle.studies.plan import Plan
 from encircle.studies.report.sentences import levels_text
-from encircle.studies.tasks import RUN
+from encircle.studies.running import RUN
 from encircle.studies.telling_runs import Replay, TellingRun
 from encircle.whole_files import made_whole
 from encircle.world.arena.engine import build
@@ -27,12 +26,6 @@ from encircle.world.recording.recording import Recording
 FOLDER = "replays"
 FEW_S_MAX = 5.0
 """Of few runs those are shown that together took no longer to run."""
-
-
-def check_pages() -> None:
-    """``MissingExtra`` if pages cannot be written here."""
-    with needing("a replay in the report", "viewer"):
-        import bokeh  # noqa: F401
 
 
 def write_replays(

@@ -32,8 +32,9 @@ from encircle.runner import launch
 from encircle.runner.launch import STOP_S_MAX, Timeouts, free_endpoint
 from encircle.runner.nodes import Node, NodesLost, abandon, fork_server
 from encircle.studies.plan import Plan
+from encircle.studies.running import failed_row, result_row, run_seed
 from encircle.studies.sources import versions
-from encircle.studies.tasks import FAILED, Row, Task, failed_row, result_row, run_seed
+from encircle.studies.tasks import FAILED, Row, Task
 from encircle.studies.workers import StudyFailed
 from encircle.world.arena.engine import Arena, build
 from encircle.world.coordinator.failure_detector import policies_of

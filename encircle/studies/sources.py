@@ -34,7 +34,7 @@ OURS: Mapping[str, tuple[str, ...]] = {
     "encircle.protocol": ("",),
     "encircle.runlog": ("",),
     "encircle.runner": ("__init__", "memory"),
-    "encircle.studies": ("tasks",),
+    "encircle.studies": ("running", "tasks"),
     "encircle.world": ("",),
 }
 """Packages, and the beginnings of their files' names, on which numbers depend."""
@@ -65,6 +65,17 @@ def code(plugins: Names = ()) -> str:
     for files in (_own_files(), sources.files):
         for name in sorted(files):
             _add(digest, name, files[name].read_bytes())
+    return digest.hexdigest()
+
+
+def program_digest() -> str:
+    """Digest of this program's files, those that only draw included.
+
+    In a working copy it is without the folders that are links: they are in ``code``.
+    """
+    digest = hashlib.blake2b(digest_size=16)
+    for name, path in sorted((_files_of(OWN) or {}).items()):
+        _add(digest, name, path.read_bytes())
     return digest.hexdigest()
 
 

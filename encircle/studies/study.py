@@ -19,6 +19,7 @@ from encircle.protocol.process.tracebacks import TRACEBACK_IN
 from encircle.runner.links import LINKS
 from encircle.studies.plan import Plan
 from encircle.studies.sources import code
+from encircle.studies.study_directory import directory_of
 from encircle.studies.study_table import StudyTable
 from encircle.studies.tasks import FAILED, TRACEBACK, Row, Task
 from encircle.studies.workers import in_processes, on_cluster
@@ -42,7 +43,7 @@ class Study:
 
     def __init__(self, plan: Plan, directory: str | Path | None = None) -> None:
         self.plan = plan
-        self.directory = Path(directory or Path("runs") / f"study-{plan.name}")
+        self.directory = directory_of(plan.name, directory)
 
     def run(
         self,

@@ -7,24 +7,33 @@ seed, a bounded number of rows at a time. ``study.json`` says to which study, co
 the table belongs. A directory that belongs to another study is refused and left unchanged.
 """
 
-import fcntl
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, TextIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from encircle.studies.plan import Plan, StudyError
+from encircle.studies.study_directory import (
+    LOCK_FILE,
+    OWNER_FILE,
+    PARTS_DIRECTORY,
+    TABLE_FILE,
+    flush,
+    lock_file,
+    owner_of,
+    write_file,
+)
 from encircle.studies.tasks import FAILED
 
-TABLE_FILE, PARTS_DIRECTORY, OWNER_FILE, LOCK_FILE = "table.parquet", "parts", "study.json", "lock"
+if TYPE_CHECKING:
+    import pyarrow.dataset as ds
+
 KEY_COLUMNS = ("cell", "seed", FAILED)
 PARTS_MAX = 512
 MERGED_ROWS = 20_000
@@ -47,15 +56,15 @@ class StudyTable:
         }
         self._plan = plan
         self._seed_index = {seed: k for k, seed in enumerate(plan.seed_list)}
-        existing = _owner_of(directory)
+        existing = owner_of(directory)
         if existing is not None:
             self._refuse_foreign(existing)
         try:
             (directory / PARTS_DIRECTORY).mkdir(parents=True, exist_ok=True)
-            self._lock = _lock_file(directory / LOCK_FILE)
+            self._lock = lock_file(directory / LOCK_FILE)
             if existing is None:
                 tree = {**self.owner, "plan": plan.model_dump(mode="json")}
-                _write_file(directory / OWNER_FILE, json.dumps(tree, indent=2).encode() + b"\n")
+                write_file(directory / OWNER_FILE, json.dumps(tree, indent=2).encode() + b"\n")
         except OSError as error:
             raise StudyError(f"{directory} cannot be used: {error.strerror or error}") from None
         try:
@@ -130,7 +139,10 @@ class StudyTable:
     def _parts(self) -> list[Path]:
         return sorted((self.directory / PARTS_DIRECTORY).glob("*.parquet"))
 
-    def _dataset(self) -> ds.Dataset:
+    def _dataset(self) -> "ds.Dataset":
+        # Imported late: it brings pandas, and runs can begin without.
+        import pyarrow.dataset as ds
+
         whole = self.directory / TABLE_FILE
         files = [*([whole] if whole.exists() else []), *self._parts()]
         return ds.dataset([str(path) for path in files], format="parquet")
@@ -178,39 +190,11 @@ class StudyTable:
                 )
 
 
-def _owner_of(directory: Path) -> dict[str, Any] | None:
-    """The study, configuration and code that a directory belongs to; None if it is new or empty."""
-    try:
-        if not directory.exists() or not any(directory.iterdir()):
-            return None
-        tree = json.loads((directory / OWNER_FILE).read_text(encoding="utf-8"))
-        return {key: value for key, value in tree.items() if key != "plan"}
-    except FileNotFoundError:
-        raise StudyError(
-            f"{directory} is not empty and not a study's: choose another --out; nothing was changed"
-        ) from None
-    except (ValueError, AttributeError):
-        raise StudyError(f"{directory / OWNER_FILE} is damaged; nothing was changed") from None
-    except OSError as error:
-        raise StudyError(f"{directory} cannot be used: {error.strerror}") from None
-
-
-def _lock_file(path: Path) -> TextIO:
-    """The lock file, locked until it is closed or the process ends."""
-    file = open(path, "a", encoding="utf-8")  # noqa: SIM115  # held, not used
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.close()
-        raise StudyError(f"{path.parent} is in use by another process") from None
-    return file
-
-
 def _sorted_rows(
-    source: ds.Dataset, first: int, after: int, columns: Sequence[str] | None = None
+    source: "ds.Dataset", first: int, after: int, columns: Sequence[str] | None = None
 ) -> pa.Table:
     names = None if columns is None else list(dict.fromkeys([*KEY_COLUMNS, *columns]))
-    chosen = (ds.field("cell") >= first) & (ds.field("cell") < after)
+    chosen = (pc.field("cell") >= first) & (pc.field("cell") < after)
     # If a run failed and was repeated, the row without a failure comes first.
     rows = source.to_table(columns=names, filter=chosen).sort_by(
         [(k, "ascending") for k in KEY_COLUMNS]
@@ -232,18 +216,5 @@ def _write_table(path: Path, pieces: Iterable[pa.Table]) -> None:
             writer.write_table(piece)
         if writer is not None:
             writer.close()
-        _flush(file)
+        flush(file)
     aside.replace(path)
-
-
-def _write_file(path: Path, content: bytes) -> None:
-    aside = path.with_suffix(".tmp")
-    with open(aside, "wb") as file:
-        file.write(content)
-        _flush(file)
-    aside.replace(path)
-
-
-def _flush(file: BinaryIO) -> None:
-    file.flush()
-    os.fsync(file.fileno())

@@ -1,29 +1,18 @@
-"""One task of a study: runs of one cell in memory, and their rows for the table.
+"""Tasks of a study, some runs of one cell each, and the rows that come of them for the table.
 
 A task is executed in a worker process, on this machine or another. It contains all that it needs,
-the scenario included; nothing is remembered from one task to the next.
+the scenario included. This module is what goes to a worker and comes back, without the hunt itself:
+who hands tasks out need not wait for that.
 """
 
 import json
-import time
-import traceback
 from collections.abc import Mapping
 from functools import lru_cache
-from math import nan
 from typing import Any, NamedTuple
 
-from encircle.measures.registry import measure
-from encircle.protocol.plugins import PluginFailed, error_line
-from encircle.protocol.process.log import bounded_log
-from encircle.runlog.runlog import RunLog, RunLogCollector
-from encircle.runner.memory import RunEndedByPlugin, run_in_memory
 from encircle.studies import sources
 from encircle.studies.sources import Names
-from encircle.world.arena.engine import build
-from encircle.world.loading.load import load
-from encircle.world.scenario.model import Scenario
 
-RUN = "study"
 FAILED, TRACEBACK = "failed", "trace"
 """Keys of a row: why the run failed, empty if it did not; its traceback, which goes into a file."""
 Row = dict[str, Any]
@@ -51,67 +40,3 @@ def code_and_versions(plugins: Names) -> tuple[str, str]:
     Modules that a process has imported stay as they were, even if their files change later.
     """
     return sources.code(plugins), json.dumps(sources.versions(plugins))
-
-
-def run_task(task: Task) -> tuple[str, list[Row]]:
-    """Run a task in memory; returns the digest of this process's code and a row per seed."""
-    # The digest must be taken before the plug-ins are imported.
-    code = code_and_versions(task.plugins)
-    scenario = load(json.loads(task.scenario))
-    return code[0], [run_seed(task, scenario, seed, code) for seed in task.seeds]
-
-
-def run_seed(task: Task, scenario: Scenario, seed: int, code: tuple[str, str]) -> Row:
-    """Run one seed in memory; returns its row, also if the run failed, for whatever reason."""
-    begun_s = time.perf_counter()
-    collector = RunLogCollector()
-    try:
-        result = run_in_memory(build(scenario, seed), RUN, bounded_log(), observer=collector)
-        return result_row(task, collector.log(), result.digest, begun_s, code)
-    except RunEndedByPlugin as error:
-        return failed_row(task, seed, str(error), error.failed.trace, begun_s, code)
-    except PluginFailed as error:
-        return failed_row(task, seed, str(error), error.trace, begun_s, code)
-    except Exception as error:
-        # An error in one run must not end the other runs.
-        trace = "".join(traceback.format_exception(error))
-        return failed_row(task, seed, error_line(error), trace, begun_s, code)
-
-
-def result_row(task: Task, log: RunLog, digest: str, begun_s: float, code: tuple[str, str]) -> Row:
-    """The row of a finished run: axes, seed, digest, outcome, measures, versions.
-
-    ``begun_s``: ``perf_counter`` when the run began; ``code``: as from ``code_and_versions``.
-    """
-    measured = {name: float(value) for name, value in measure(log, task.measure_names).items()}
-    outcome = (digest, float(log.captured), log.ticks, "")
-    return _common_row(task, log.seed, outcome, measured, begun_s, code)
-
-
-def failed_row(
-    task: Task, seed: int, failure: str, trace: str, begun_s: float, code: tuple[str, str]
-) -> Row:
-    """The row of a failed run, without measures; ``trace`` is its traceback."""
-    nothing = dict.fromkeys(task.measure_names, nan)
-    base_row = _common_row(task, seed, ("", nan, 0, failure), nothing, begun_s, code)
-    return {**base_row, TRACEBACK: trace}
-
-
-def _common_row(
-    task: Task,
-    seed: int,
-    outcome: tuple[str, float, int, str],
-    measured: Mapping[str, float],
-    begun_s: float,
-    code: tuple[str, str],
-) -> Row:
-    return {
-        "cell": task.cell,
-        **task.levels,
-        "seed": seed,
-        **dict(zip(("digest", "captured", "ticks", FAILED), outcome, strict=True)),
-        **measured,
-        "wall_s": time.perf_counter() - begun_s,
-        "code": code[0],
-        "versions": code[1],
-    }

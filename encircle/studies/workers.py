@@ -12,7 +12,6 @@ from typing import Any
 
 from encircle.protocol.process.interrupts import check
 from encircle.runner import process_pool as pool
-from encircle.studies import tasks as work
 from encircle.studies.tasks import Row, Task
 
 TASKS_PER_WORKER = 3
@@ -26,13 +25,21 @@ class StudyFailed(Exception):
     """A study stopped before its end; finished runs are in its table."""
 
 
+def run_task(task: Task) -> tuple[str, list[Row]]:
+    """``running.run_task``, in a worker."""
+    # Imported late: whoever hands tasks out needs none of the hunt.
+    from encircle.studies import running
+
+    return running.run_task(task)
+
+
 def in_processes(tasks: Iterator[Task], code: str, workers: int) -> Generator[list[Row]]:
     """Run tasks on processes of this machine; yields the rows of each finished task.
 
     ``code``: digest of the sources that the processes must run. Raises ``StudyFailed`` if one
     runs others, because a source was changed in the meantime, or if one of them dies.
     """
-    with closing(pool.in_processes(work.run_task, tasks, workers)) as done:
+    with closing(pool.in_processes(run_task, tasks, workers)) as done:
         try:
             for answer in done:
                 yield _checked_rows(answer, code)
@@ -65,7 +72,7 @@ def on_cluster(tasks: Iterator[Task], code: str, address: str) -> Generator[list
 def _from_cluster(client: Any, tasks: Iterator[Task], code: str) -> Iterator[list[Row]]:
     waiting: set[Any] = set()
     for task in tasks:
-        waiting.add(client.submit(work.run_task, task, pure=False, retries=RETRIES))
+        waiting.add(client.submit(run_task, task, pure=False, retries=RETRIES))
         threads = sum(client.nthreads().values())
         while len(waiting) >= TASKS_PER_WORKER * max(1, threads):
             done, waiting = _wait_for_some(client, waiting)

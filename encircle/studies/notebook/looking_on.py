@@ -12,7 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from encircle.studies.plan import Plan
-from encircle.studies.study_table import KEY_COLUMNS, OWNER_FILE, PARTS_DIRECTORY, TABLE_FILE
+from encircle.studies.study_directory import OWNER_FILE, PARTS_DIRECTORY, TABLE_FILE
+from encircle.studies.study_table import KEY_COLUMNS
 from encircle.studies.summary import CAPTURED, TICKS
 
 TRIES_MAX = 5

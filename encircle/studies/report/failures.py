@@ -5,7 +5,8 @@ from encircle.studies.plan import Plan
 from encircle.studies.report import page
 from encircle.studies.report.result_tables import NO_VALUE
 from encircle.studies.report.sentences import levels_text
-from encircle.studies.study_table import TABLE_FILE, StudyTable
+from encircle.studies.study_directory import TABLE_FILE
+from encircle.studies.study_table import StudyTable
 from encircle.studies.tasks import FAILED
 
 FAILURES_MAX = 100

@@ -21,11 +21,11 @@ from encircle.studies.report.findings_tables import finding_sections
 from encircle.studies.report.replay_links import replay_sections
 from encircle.studies.report.result_tables import measure_tables, result_tables
 from encircle.studies.report.setup_text import axis_rows, setup_rows
-from encircle.studies.study_table import OWNER_FILE, TABLE_FILE, StudyTable
+from encircle.studies.study_directory import OWNER_FILE, REPORT_FILE, TABLE_FILE
+from encircle.studies.study_table import StudyTable
 from encircle.studies.summary import Summary, summarise
 from encircle.studies.telling_runs import Replay
 
-REPORT_FILE = "report.html"
 VALUES_MAX = 40
 
 

@@ -14,7 +14,7 @@ from encircle.bundles.packing import directory_of, pack, plan_in
 from encircle.bundles.table_text import equal, read_table
 from encircle.studies import sources
 from encircle.studies.plan import StudyError
-from encircle.studies.study_table import OWNER_FILE, TABLE_FILE
+from encircle.studies.study_directory import OWNER_FILE, TABLE_FILE
 from encircle.whole_files import OutputError
 
 

@@ -15,8 +15,9 @@ from encircle.measures.registry import MEASURES, REGISTRY, measure, measure_name
 from encircle.protocol.plugins import MEASURES_GROUP, PluginFailed, PluginLoadError
 from encircle.studies.plan import StudyError
 from encircle.studies.plan_files import load_plan
+from encircle.studies.running import run_seed
 from encircle.studies.sources import code, versions
-from encircle.studies.tasks import Task, run_seed
+from encircle.studies.tasks import Task
 from encircle.world.loading.load import load
 
 MODULE = """

@@ -15,7 +15,8 @@ from encircle.measures.registry import ROBOT_MEASURES, measure, measure_named
 from encircle.protocol.plugins import PluginFailed
 from encircle.studies.plan import StudyError
 from encircle.studies.plan_files import load_plan
-from encircle.studies.tasks import Task, run_seed
+from encircle.studies.running import run_seed
+from encircle.studies.tasks import Task
 from encircle.world.loading.load import load
 
 CHEAP = settings(max_examples=80, deadline=None, derandomize=True)

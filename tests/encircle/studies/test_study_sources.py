@@ -13,6 +13,7 @@ from encircle.protocol.plugins import STRATEGIES, TARGETS
 from encircle.studies import sources
 from encircle.studies import tasks as work
 from encircle.studies.plan import StudyError
+from encircle.studies.running import run_task
 from encircle.studies.workers import StudyFailed, _checked_rows
 
 CHASE = ((STRATEGIES, "chase"),)
@@ -164,7 +165,7 @@ def test_everything_that_a_run_of_a_study_imports_of_ours_counts():
     """A process of its own imports the study's code and lists the imported modules."""
     lines = (
         "import sys, encircle; before = {*sys.modules}",
-        "import encircle.studies.tasks, encircle.runlog.recorded_log",
+        "import encircle.studies.running, encircle.runlog.recorded_log",
         "new = {*sys.modules} - before",
         "print(*(m for m in new if m.split('.')[0] == 'encircle'))",
     )
@@ -211,10 +212,10 @@ def test_a_worker_tells_what_it_has_imported_though_the_file_is_another_now(fold
         ("captured",),
         plan.plugins,
     )
-    first, rows = work.run_task(task)
+    first, rows = run_task(task)
     assert first == rows[0]["code"] == sources.code(CHASE)
     (folder / "chasers.py").write_text(MODULE + "\n")
-    again, _ = work.run_task(task)
+    again, _ = run_task(task)
     assert again == first != sources.code(CHASE)
     with pytest.raises(StudyFailed, match=f"runs code {first}"):
         _checked_rows((again, rows), sources.code(CHASE))
