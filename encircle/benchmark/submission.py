@@ -29,7 +29,7 @@ from encircle.protocol.process.interrupts import Interrupted, signals_held
 from encircle.protocol.process.log import say_error
 from encircle.studies.plan import StudyError
 from encircle.studies.study import Study
-from encircle.studies.study_table import OWNER_FILE
+from encircle.studies.study_directory import OWNER_FILE
 from encircle.studies.workers import StudyFailed
 from encircle.world.loading.remarks import ScenarioRemark
 
