@@ -63,6 +63,7 @@ LEAN_BYTES_MAX = 64 * 1024
 PACKET_BYTES_MIN = 64
 """No pose is shorter: the names of its fields alone take more."""
 VERSION_AND_RUN_BYTES = 8  # "v", version, "run", and the size of a name below 32 letters
+VERSION_AND_RUN_FIELDS = 2
 SHOWN_MAX, UNKNOWN_SHOWN_MAX = 80, 5
 _FLOAT = {float}
 DECODED_POSES_MAX = 4096
@@ -88,14 +89,19 @@ def encode_any_length(message: Message, run: str) -> bytes:
     """As ``encode``, of any length: a message that its sender packed differently may be longer."""
     layout = _LAYOUTS[type(message)]
     values = layout.values(message)
-    if layout.defaults and values[-len(layout.defaults) :] == layout.default_values:
-        # As most are; the names that are left out are the last ones.
-        body = dict(zip(layout.always, (VERSION, run, *values), strict=False))
-    else:
-        body = dict(zip(layout.names, (VERSION, run, *values), strict=True))
-        for name, default in layout.defaults.items():
-            if body[name] == default:
-                del body[name]
+    count = len(layout.always) - VERSION_AND_RUN_FIELDS
+    if values[count:] == layout.default_values:
+        # As most are. A map is packed as the list of its names and values in turn is, after the
+        # header, and that takes half the time.
+        in_turn = [*layout.names_in_turn]
+        in_turn[1::2] = values[:count]
+        packed: bytes = msgpack.packb(in_turn)
+        header = _headers(type(message), run)[0]  # type: ignore[arg-type]  # types are hashable
+        return header + packed[layout.list_header_bytes :]
+    body = dict(zip(layout.names, (VERSION, run, *values), strict=True))
+    for name, default in layout.defaults.items():
+        if body[name] == default:
+            del body[name]
     payload: bytes = msgpack.packb(body)
     return payload
 

@@ -37,18 +37,33 @@ def move(
     ``positions`` (B + O, 2) and ``radii`` (B + O,) in m, moving bodies first; ``steps`` (B, 2);
     ``gaps`` (B, B + O): free distance between surfaces, infinite on the diagonal.
     """
+    return moved(positions, radii, steps, pairs_in_reach(steps, gaps))
+
+
+def pairs_in_reach(steps: NDArray[np.float64], gaps: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """The pairs that may come within the skin of each other by these steps; as ``move``.
+
+    All others stay farther apart than that, also when positions have been rounded.
+    """
     count = len(steps)
     lengths = np.hypot(steps[:, 0], steps[:, 1])
     closing = gaps - (lengths[:, None] + SKIN_M)
     closing[:, :count] -= lengths
-    moved = positions[:count] + steps
     if closing.min() > 0.0:
-        return moved, []
-    apart = {
-        (i, k): float(radii[i] + radii[k]) + SKIN_M
-        for i, k in np.argwhere(closing <= 0.0).tolist()
-        if i < k
-    }
+        return []
+    return [(i, k) for i, k in np.argwhere(closing <= 0.0).tolist() if i < k]
+
+
+def moved(
+    positions: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    steps: NDArray[np.float64],
+    pairs: Iterable[tuple[int, int]],
+) -> tuple[NDArray[np.float64], list[tuple[int, int]]]:
+    """As ``move``, for the ``pairs_in_reach``."""
+    count = len(steps)
+    after = positions[:count] + steps
+    apart = {(i, k): float(radii[i] + radii[k]) + SKIN_M for i, k in pairs}
     touched: list[tuple[int, int]] = []
     for knot in knots(apart):
         involved = sorted({i for pair in knot for i in pair})
@@ -57,8 +72,8 @@ def move(
         touched += _resolve(current, motion, {pair: apart[pair] for pair in knot}, count)
         for i in involved:
             if i < count:
-                moved[i] = current[i]
-    return moved, sorted(touched)
+                after[i] = current[i]
+    return after, sorted(touched)
 
 
 def knots(pairs: Iterable[tuple[int, int]]) -> list[list[tuple[int, int]]]:

@@ -188,11 +188,11 @@ def advance(
     wanted[:count], wanted[count] = steps, target_step
     wanted = dynamics.limited(wanted, arena.step_m_max)
     headings = _turned(arena, state, wanted, lost)
-    gaps = state.geometry.gaps
-    moved, contacts = collisions.move(state.positions, arena.radii, wanted, gaps)
+    pairs = collisions.pairs_in_reach(wanted, state.geometry.gaps)
+    moved, contacts = collisions.moved(state.positions, arena.radii, wanted, pairs)
     positions = state.positions.copy()
     positions[: count + 1] = quantised(moved)
-    if gaps.min() < 2.0 * arena.step_m_max.max() + collisions.SKIN_M:
+    if pairs:
         positions = collisions.kept_apart(state.positions, positions, arena.radii, count + 1)
     for event in arena.scenario.events:
         if isinstance(event, MoveTarget) and event.tick == tick + 1:

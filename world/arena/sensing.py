@@ -84,10 +84,11 @@ def scan(
 ) -> NDArray[np.float64]:
     """(B, rays) distances in m from each body to the nearest surface, at most its range."""
     count = len(geo.x)
-    result = np.empty((count, rays))
-    result[:] = ranges[:, None]
     near = geo.distances - radii < ranges[:, None]
     near[_diagonal(count)] = False
+    if near.size <= FEW_PAIRS_MAX:
+        return _scan_of_few(geo, near, ranges, radii, rays)
+    result = np.repeat(ranges[:, None], rays, axis=1)
     rows, columns = np.nonzero(near)
     if len(rows) > FEW_PAIRS_MAX:
         slim = geo.distances[rows, columns] > radii[columns] / np.sin(SLIM_SHARE * np.pi / rays)
@@ -104,6 +105,23 @@ def scan(
     seen = rows[starts]
     result[seen] = np.minimum(result[seen], np.maximum(nearest, 0.0))
     return result
+
+
+def _scan_of_few(
+    geo: Geometry,
+    near: NDArray[np.bool_],
+    ranges: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    rays: int,
+) -> NDArray[np.float64]:
+    """As ``scan``: to sort out the pairs that are ``near`` would take longer than all of them."""
+    if not near.any():
+        return np.repeat(ranges[:, None], rays, axis=1)
+    cos, sin = ray_directions(rays)
+    reach = _reach(geo.x[:, :, None], geo.y[:, :, None], radii[:, None], cos, sin)
+    nearest = np.minimum.reduce(reach, axis=1, where=near[:, :, None], initial=np.inf)
+    np.maximum(nearest, 0.0, out=nearest)
+    return np.minimum(nearest, ranges[:, None], out=nearest)
 
 
 def _scan_slim(
@@ -139,11 +157,14 @@ def _reach(
     aside -= y * cos
     ahead = x * cos
     ahead += y * sin
-    half_squared = radii**2 - aside * aside
-    hit = (half_squared >= 0.0) & (ahead > 0.0)
-    reach = ahead - np.sqrt(np.maximum(half_squared, 0.0))
-    reach[~hit] = np.inf
-    return reach
+    aside *= aside
+    half_squared = np.subtract(radii * radii, aside, out=aside)
+    missed = half_squared < 0.0
+    missed |= ahead <= 0.0
+    np.maximum(half_squared, 0.0, out=half_squared)
+    ahead -= np.sqrt(half_squared, out=half_squared)
+    np.copyto(ahead, np.inf, where=missed)
+    return ahead
 
 
 def detected(

@@ -8,7 +8,7 @@ from helpers_world import overlapping
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from encircle.world.arena.collisions import SKIN_M, kept_apart, move
+from encircle.world.arena.collisions import SKIN_M, kept_apart, move, pairs_in_reach
 from encircle.world.arena.engine import quantised
 from encircle.world.arena.sensing import geometry
 
@@ -286,3 +286,21 @@ def test_bodies_that_would_overlap_are_kept_where_they_were_and_the_others_go_on
                 break
         else:
             raise AssertionError(f"body {body} was kept back for nothing")
+
+
+@given(st.integers(0, 2**31), st.floats(0.5, 3.0))
+@settings(deadline=None, derandomize=True, max_examples=100)
+def test_what_is_out_of_reach_never_needs_to_be_kept_apart(seed, spread_m):
+    """Also after rounding to quanta, which takes up part of the skin."""
+    rng = np.random.default_rng(seed)
+    positions = quantised(rng.uniform(-spread_m, spread_m, (6, 2)))
+    radii, steps = np.full(6, 0.1), rng.uniform(-0.4, 0.4, (4, 2))
+    gaps = geometry(positions, radii, 4).gaps
+    pairs = pairs_in_reach(steps, gaps)
+    after = positions.copy()
+    after[:4] = quantised(positions[:4] + steps)
+    apart = geometry(after, radii, 4).gaps
+    for i in range(4):
+        for k in range(i + 1, 6):
+            assert (i, k) in pairs or apart[i, k] > 0.0
+    assert (gaps.min() > 2.0 * 0.4 * 2.0**0.5 + SKIN_M) <= (not pairs)

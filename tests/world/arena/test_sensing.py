@@ -61,6 +61,19 @@ def test_each_ray_reports_the_nearest_surface_within_range(field, rays):
 
 
 @SETTINGS
+@given(field=fields(), rays=st.sampled_from([8, 24, 25]))
+def test_few_pairs_are_scanned_as_many_are_bit_for_bit(field, rays):
+    positions, radii, moving, ranges = field
+    sensed = geometry(positions, radii, moving)
+    scans = set()
+    for few_max in (0, 10**6):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sensing, "FEW_PAIRS_MAX", few_max)
+            scans.add(scan(sensed, ranges, radii, rays).tobytes())
+    assert len(scans) == 1
+
+
+@SETTINGS
 @given(field=fields())
 def test_sight_is_what_points_along_the_line_between_two_centres_say(field):
     positions, radii, moving, ranges = field
