@@ -133,6 +133,9 @@ class Parameters:
     """A peer is extrapolated over this time at most, and held from there on."""
     peer_age_ticks_max: Age = 50
     """Peers with an older pose are left out of the team."""
+    assignment: Literal["shortest", "cyclic"] = "shortest"
+    """Who goes to which point, in the paper's policies: the ``shortest`` way in total (Algorithm
+    1), or in ``cyclic`` order of bearings, which is a little longer and far cheaper with many."""
     switch_gain_m: LengthOrZero = 0.0
     """A robot keeps its encirclement point unless a change shortens the team's way by more."""
     search: Literal["hold", "spiral"] = "spiral"

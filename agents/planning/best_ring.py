@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from encircle.agents.planning.assignment import assign
+from encircle.agents.planning.cyclic_assignment import assign_in_cyclic_order
 from encircle.agents.planning.prediction_step import best_step
 from encircle.agents.planning.ring import encirclement_points
 from encircle.protocol.messages import Point
@@ -41,14 +42,17 @@ def best_ring(
     xi_grid: tuple[float, ...],
     xi_weight: float,
     ring_radius_m: float,
+    assignment: str = "shortest",
 ) -> Ring:
     """The ring at xi* and the best assignment to it.
 
-    ``team``: N positions in m; ``predictions``: (G, 2) in m, the target's at each of ``xi_grid``.
+    ``team``: N positions in m; ``predictions``: (G, 2) in m, the target's at each of ``xi_grid``;
+    ``assignment``: ``shortest``, or ``cyclic`` (``encircle.agents.planning.cyclic_assignment``).
     """
     # Bytes, since 0.0 and -0.0 are equal and do not give the same.
     bodies = np.array((*team, target)).tobytes()
-    return _remembered(bodies, predictions.tobytes(), xi_grid, xi_weight, ring_radius_m)
+    arguments = (xi_grid, xi_weight, ring_radius_m, assignment)
+    return _remembered(bodies, predictions.tobytes(), *arguments)
 
 
 @lru_cache(maxsize=REMEMBERED_MAX)
@@ -58,12 +62,16 @@ def _remembered(
     xi_grid: tuple[float, ...],
     xi_weight: float,
     ring_radius_m: float,
+    assignment: str,
 ) -> Ring:
     """``bodies``: the team's positions, then the target's; else as ``best_ring``."""
     *team, target = [(x, y) for x, y in np.frombuffer(bodies).reshape(-1, 2).tolist()]
     centres = np.frombuffer(predictions).reshape(-1, 2)
     points = encirclement_points(team, target, centres, ring_radius_m)
-    assigned, distances = assign(np.array(team), points)
+    if assignment == "cyclic":
+        assigned, distances = assign_in_cyclic_order(np.array(team), points, centres)
+    else:
+        assigned, distances = assign(np.array(team), points)
     best = best_step(distances, xi_grid, xi_weight) if len(xi_grid) > 1 else 0
     # Copies, so that the other rings need not be kept.
     ring = Ring(best, points[best].copy(), assigned[best].copy())

@@ -61,7 +61,7 @@ def encircle(view: View, xi_grid: tuple[float, ...]) -> Decision:
     predicted, predictor = view.predict(xi_grid)
     best, points, assigned = best_ring(
         *(view.positions, target, predicted, xi_grid),
-        *(parameters.xi_weight, parameters.ring_radius_m),
+        *(parameters.xi_weight, parameters.ring_radius_m, parameters.assignment),
     )
     point = int(assigned[view.own])
     if parameters.switch_gain_m > 0.0 and view.previous_goal is not None:

@@ -212,6 +212,7 @@ PARAMETERS: dict[str, DrawnFigure] = {
     "peer_policy": _one_of("hold", "extrapolate"),
     "extrapolate_ticks_max": _whole(0, 20),
     "peer_age_ticks_max": _whole(2, 30),
+    "assignment": _one_of("shortest", "shortest", "cyclic"),
     "switch_gain_m": _number(0.0, 2.0),
     "search": _one_of("hold", "spiral"),
     "silence_ticks_max": _whole(1, 20),
