@@ -12,11 +12,14 @@ from encircle.benchmark import publish
 from encircle.benchmark.outcomes import Outcomes
 from encircle.benchmark.published import PUBLISHED, digest_of_runs, published, write_published
 from encircle.benchmark.seeds import public_seeds
+from encircle.benchmark.submission import write_table_page
 from encircle.benchmark.tables import read_runs
 from encircle.benchmark.tasks import POLICIES, submission_plan, tasks, tasks_digest
+from encircle.runner.memory import run_in_memory
 from encircle.studies.plan import StudyError
 from encircle.studies.plan_files import load_plan
 from encircle.studies.study_table import StudyTable
+from encircle.world.arena.engine import build
 
 BYTES_MAX = 300_000
 
@@ -169,3 +172,52 @@ def test_a_table_of_other_tasks_is_refused(tmp_path, monkeypatch):
 def test_the_page_has_the_published_table():
     text = publish.PAGE.read_text(encoding="utf-8")
     assert publish.current(text) == text
+
+
+def test_a_study_s_directory_gets_the_page_of_all_policies(study, tmp_path):
+    directory = tmp_path / "copy"
+    shutil.copytree(study[0], directory)
+    answer = write_table_page(directory)
+    plan = study[1]
+    by_hand = {
+        policy: np.mean(
+            [
+                ticks_of(cell, seed) > 0
+                for cell in range(first, len(plan.cells), len(plan.strategies))
+                for seed in plan.seed_list
+            ]
+        )
+        for first, policy in enumerate(plan.strategies)
+    }
+    shown = {score["policy"]: score["score"] for score in answer["scores"]}
+    assert shown == pytest.approx(by_hand)
+    text = (directory / "benchmark.html").read_text(encoding="utf-8")
+    assert "encircle study benchmark --seeds 140001-140003" in text
+
+
+def test_a_study_on_other_seeds_gets_no_page(tmp_path):
+    plan = load_plan("benchmark", seeds="1-1")
+    filled_study(tmp_path / "s", plan, ticks_of)
+    with pytest.raises(StudyError, match="no runs on the public seeds"):
+        write_table_page(tmp_path / "s")
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("policy", POLICIES)
+def test_the_published_runs_come_out_the_same_again(policy):
+    """Of each policy the runs of one task, another for each, by their digest."""
+    table = published()
+    place = POLICIES.index(policy)
+    task = tasks()[2 * place + 1].name
+    plan = load_plan("benchmark")
+    cell = tasks_index(task) * len(plan.strategies) + plan.strategies.index(policy)
+    results = [
+        run_in_memory(build(plan.scenario_of(cell), seed), "study", print)
+        for seed in table.outcomes.seeds
+    ]
+    assert digest_of_runs([r.digest for r in results]) == table.digests[policy, task]
+
+
+def tasks_index(name):
+    """Where a task stands."""
+    return [task.name for task in tasks()].index(name)

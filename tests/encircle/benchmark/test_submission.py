@@ -16,6 +16,7 @@ from encircle.benchmark.tables import read_runs
 from encircle.benchmark.tasks import submission_plan, tasks
 from encircle.cli.main import main
 from encircle.studies.plan import StudyError
+from encircle.studies.plan_files import load_plan
 
 POLICY = """
 from encircle.agents.policies.closed_ring import closed_ring
@@ -151,3 +152,16 @@ def test_runs_of_several_policies_are_no_submission(submitted):
     )
     with pytest.raises(StudyError, match="not those of one policy"):
         split_seeds(runs._replace(outcomes=outcomes))
+
+
+def test_the_study_of_the_benchmark_has_its_page_beside_its_report(tmp_path, monkeypatch, capsys):
+    plan = load_plan("benchmark", seeds="140001-140001")
+    filled_study(tmp_path / "s", plan, lambda cell, _seed: cell % 7)
+    answer = {"out": str(tmp_path / "s"), "failed": 0, "report": "r.html", "findings": []}
+    answer |= {"runs": plan.runs, "cells": len(plan.cells), "ran": 0}
+    monkeypatch.setattr("encircle.studies.command.run_study", lambda _request: answer)
+    assert main(["study", "benchmark"]) == 0
+    assert f"page    {tmp_path / 's' / 'benchmark.html'}" in capsys.readouterr().out
+    (tmp_path / "s" / "benchmark.html").unlink()
+    assert main(["study", "benchmark", "--set", "ticks_max=5"]) == 0
+    assert not (tmp_path / "s" / "benchmark.html").exists()
