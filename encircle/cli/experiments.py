@@ -12,7 +12,7 @@ from encircle.protocol.process.log import say, say_error
 from encircle.protocol.programs.option_values import one_of, whole_number_in
 from encircle.protocol.programs.options import Options
 from encircle.runner.links import LINKS
-from encircle.studies.replay_choices import FEW, REPLAYS
+from encircle.studies.command.replay_choices import FEW, REPLAYS
 
 WORKERS_MAX = 1024
 BENCHMARK = "benchmark"
@@ -73,8 +73,8 @@ def study_main(arguments: Sequence[str], program: str) -> int:
     from encircle.studies.plan import StudyError
 
     with needing("a study", "studies"):
-        from encircle.studies.command import run_study, show
-        from encircle.studies.request import Request
+        from encircle.studies.command.request import Request
+        from encircle.studies.command.study_command import run_study, show
         from encircle.studies.workers import StudyFailed
     request = Request(
         settings.name,

@@ -16,10 +16,10 @@ from helpers_waiting import completed
 import encircle
 from encircle.protocol.process.interrupts import Interrupted
 from encircle.studies import replays as replays_module
-from encircle.studies.command import run_study
+from encircle.studies.command.request import Request
+from encircle.studies.command.study_command import run_study
 from encircle.studies.replays import recorded_again, write_replays
 from encircle.studies.report.report import write_report
-from encircle.studies.request import Request
 from encircle.studies.summary import summarise
 from encircle.studies.telling_runs import (
     FIRST_FAILED,

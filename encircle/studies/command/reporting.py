@@ -9,14 +9,8 @@ from encircle.progress import Progress
 from encircle.protocol.process.interrupts import Interrupted, exit_message
 from encircle.protocol.process.log import say_error
 from encircle.studies.charts.charts import FIGURES
-from encircle.studies.csv_files import CELLS_FILE, COMPARISONS_FILE
-from encircle.studies.plan import Plan
-from encircle.studies.replay_choices import ALL, NONE, check_pages
-from encircle.studies.replays import FEW_S_MAX, write_replays
-from encircle.studies.report.failures import first_failure_text
-from encircle.studies.report.report import write_report
-from encircle.studies.report.sentences import summary_sentences
-from encircle.studies.report_record import (
+from encircle.studies.command.replay_choices import ALL, NONE, check_pages
+from encircle.studies.command.report_record import (
     Outcome,
     ReportRequest,
     made_of,
@@ -24,6 +18,12 @@ from encircle.studies.report_record import (
     remove_record,
     write_record,
 )
+from encircle.studies.csv_files import CELLS_FILE, COMPARISONS_FILE
+from encircle.studies.plan import Plan
+from encircle.studies.replays import FEW_S_MAX, write_replays
+from encircle.studies.report.failures import first_failure_text
+from encircle.studies.report.report import write_report
+from encircle.studies.report.sentences import summary_sentences
 from encircle.studies.study import Study
 from encircle.studies.study_directory import REPORT_FILE
 from encircle.studies.study_table import StudyTable

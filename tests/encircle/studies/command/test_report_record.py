@@ -9,11 +9,11 @@ from dataclasses import replace
 import pytest
 from helpers_studies import LOSS
 
-from encircle.studies import report_record
-from encircle.studies.command import run_study
+from encircle.studies.command import report_record
+from encircle.studies.command.report_record import RECORD_FILE
+from encircle.studies.command.request import Request
+from encircle.studies.command.study_command import run_study
 from encircle.studies.plan import StudyError
-from encircle.studies.report_record import RECORD_FILE
-from encircle.studies.request import Request
 from encircle.studies.study_directory import LOCK_FILE, PARTS_DIRECTORY, lock_file
 
 STUDY = f"""
@@ -81,8 +81,8 @@ def test_what_is_finished_needs_neither_hunts_nor_figures_nor_tables(again):
     """In a fresh interpreter."""
     script = (
         "import sys; from pathlib import Path\n"
-        "from encircle.studies.command import run_study\n"
-        "from encircle.studies.request import Request\n"
+        "from encircle.studies.command.study_command import run_study\n"
+        "from encircle.studies.command.request import Request\n"
         f"folder = Path({str(again)!r})\n"
         "run_study(Request(str(folder / 'small.toml'), folder / 'out', None, 'memory', 1, None,"
         " (), 'few'))\n"

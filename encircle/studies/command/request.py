@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from encircle.studies.replay_choices import FEW
+from encircle.studies.command.replay_choices import FEW
 
 
 @dataclass(frozen=True, slots=True)

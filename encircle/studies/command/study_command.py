@@ -10,10 +10,10 @@ from typing import Any
 
 from encircle.extras import needing
 from encircle.protocol.process.log import say, say_error
+from encircle.studies.command.replay_choices import ALL, check_pages
+from encircle.studies.command.report_record import Outcome, ReportRequest, program, unchanged
+from encircle.studies.command.request import Request
 from encircle.studies.plan_files import load_plan
-from encircle.studies.replay_choices import ALL, check_pages
-from encircle.studies.report_record import Outcome, ReportRequest, program, unchanged
-from encircle.studies.request import Request
 from encircle.studies.study_directory import REPORT_FILE, TABLE_FILE, directory_of
 
 
@@ -54,9 +54,9 @@ def _made(request: Request, report: ReportRequest) -> Outcome:
         check_pages()
     # Imported late: what is finished does without the one, and runs begin without the other.
     with needing("a study", "studies"):
-        from encircle.studies.executing import run_missing
+        from encircle.studies.command.executing import run_missing
     study, ran = run_missing(request, report)
-    from encircle.studies.reporting import write_all
+    from encircle.studies.command.reporting import write_all
 
     return write_all(study, report)._replace(ran=ran)
 

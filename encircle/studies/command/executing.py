@@ -4,8 +4,8 @@ import warnings
 
 from encircle.progress import Progress, Tell
 from encircle.protocol.process.interrupts import Interrupted, signals_held
-from encircle.studies.report_record import ReportRequest
-from encircle.studies.request import Request
+from encircle.studies.command.report_record import ReportRequest
+from encircle.studies.command.request import Request
 from encircle.studies.study import Study
 from encircle.studies.workers import StudyFailed
 from encircle.world.loading.remarks import ScenarioRemark
