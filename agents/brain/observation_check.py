@@ -4,7 +4,7 @@ The codec has checked each field by itself. Positions of bodies are not checked:
 compare them with.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 from encircle.agents.brain.brain import RobotConfig, indices_of
 from encircle.protocol.messages import QUANTUM_M, Observation, PoseCarrier, Setup
@@ -40,10 +40,13 @@ def _problem_by_clock(observation: Observation, setup: Setup, config: RobotConfi
 
 
 def _misnamed(
-    what: str, names: Iterable[str], config: RobotConfig, ordered: bool = True
+    what: str, names: Sequence[str], config: RobotConfig, ordered: bool = True
 ) -> str | None:
     """Whether these are peers of the team, and if ``ordered`` each once and in robot order."""
     indices, before = indices_of(config.team), -1
+    known = [indices.get(name, -1) for name in names]
+    if -1 not in known and config.own not in known and known == sorted(set(known)):
+        return None
     for name in names:
         index = indices.get(name)
         if index is None or name == config.robot:

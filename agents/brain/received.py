@@ -1,10 +1,15 @@
 """What has come in at a tick: packets in order, the newest of each robot, all detections."""
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from math import copysign
 
 from encircle.agents.estimation.kalman import Detection
 from encircle.agents.teamwork.relaying import relayed_detections
-from encircle.protocol.messages import Observation, Pose
+from encircle.protocol.messages import Observation, Point, Pose
+
+SHARED_MAX = 4096
+"""Detections that robots in one process share: those of 16 ticks of the largest team."""
 
 
 def in_order(packets: Sequence[Pose], indices: Mapping[str, int]) -> list[tuple[int, Pose]]:
@@ -44,6 +49,18 @@ def newest_packets(
     return tuple(newest)
 
 
+def _detection_in(packet: Pose, sender: int, position: Point) -> Detection:
+    """The detection in a packet: one object for all robots in a process, each of which keeps it."""
+    # Zero and minus zero are equal, and yet two detections.
+    signs = tuple([copysign(1.0, value) for value in position]) if 0.0 in position else ()
+    return _detection(packet.tick, sender, position, signs)
+
+
+@lru_cache(maxsize=SHARED_MAX)
+def _detection(tick: int, origin: int, position: Point, _signs: tuple[float, ...]) -> Detection:
+    return (tick, origin, *position)
+
+
 def detections_of(
     observation: Observation,
     own: int,
@@ -55,7 +72,7 @@ def detections_of(
     collected, relaying = [], []
     for index, packet in received:
         if packet.detection is not None and packet.tick < tick:
-            collected.append((packet.tick, index, *packet.detection))
+            collected.append(_detection_in(packet, index, packet.detection))
         if packet.relayed:
             relaying.append(packet)
     if relaying:

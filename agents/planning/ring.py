@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 
 from encircle.protocol.messages import QUANTA_PER_M, Point
 
+FEW_MAX = 24
+"""Up to so many robots plain floats are quicker than arrays."""
+
 
 @lru_cache(maxsize=256)
 def _rotations(count: int) -> NDArray[np.complex128]:
@@ -33,6 +36,18 @@ def encirclement_points(
 
     ``team``: N robot positions in m; ``target``: the target's current position in m.
     """
+    (rx, ry), length_m = (_farthest_of_many if len(team) > FEW_MAX else _farthest)(team, target)
+    offsets = _rotations(len(team)) * (ring_radius_m / length_m * complex(rx, ry))
+    centres = np.ascontiguousarray(predictions).view(np.complex128)
+    points = (centres + offsets).view(np.float64)
+    return points.reshape(len(predictions), len(team), 2)
+
+
+def _farthest(team: Sequence[Point], target: Point) -> tuple[Point, float]:
+    """From the target to the robot farthest from it, and how far that is; (1, 0) if all are on it.
+
+    In plain floats, which is quicker for few robots.
+    """
     tx, ty = target
     farthest, ray, length_m = 0, (1.0, 0.0), 1.0
     for x, y in team:
@@ -41,7 +56,16 @@ def encirclement_points(
         microns = round(distance_m * QUANTA_PER_M)
         if microns > farthest:
             farthest, ray, length_m = microns, (dx, dy), distance_m
-    offsets = _rotations(len(team)) * (ring_radius_m / length_m * complex(*ray))
-    centres = np.ascontiguousarray(predictions).view(np.complex128)
-    points = (centres + offsets).view(np.float64)
-    return points.reshape(len(predictions), len(team), 2)
+    return ray, length_m
+
+
+def _farthest_of_many(team: Sequence[Point], target: Point) -> tuple[Point, float]:
+    """The same, bit for bit, in arrays."""
+    rays = np.array(team) - target
+    rays_x, rays_y = rays[:, 0], rays[:, 1]
+    distances_m = np.sqrt(rays_x * rays_x + rays_y * rays_y)
+    microns = np.rint(distances_m * QUANTA_PER_M)
+    farthest = int(microns.argmax())
+    if microns[farthest] == 0.0:
+        return (1.0, 0.0), 1.0
+    return (float(rays_x[farthest]), float(rays_y[farthest])), float(distances_m[farthest])

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from encircle.agents.planning import ring as ring_module
 from encircle.agents.planning.ring import encirclement_points
 
 CHEAP = settings(max_examples=100, deadline=None, derandomize=True)
@@ -127,3 +128,13 @@ def test_inputs_stay_as_they_are():
     centres = np.array([[1.0, 2.0], [3.0, 4.0]])
     encirclement_points([(0.0, 0.0), (5.0, 5.0)], (1.0, 1.0), centres, RHO)
     np.testing.assert_array_equal(centres, [[1.0, 2.0], [3.0, 4.0]])
+
+
+@CHEAP
+@given(team=st.lists(places, min_size=1, max_size=40), target=places)
+def test_many_robots_in_arrays_give_the_farthest_that_few_in_floats_give_bit_for_bit(team, target):
+    # The last of them again, so that there are equals.
+    for robots in (team, [*team, team[-1]], [target] * len(team)):
+        assert repr(ring_module._farthest_of_many(robots, target)) == repr(
+            ring_module._farthest(robots, target)
+        )
