@@ -11,9 +11,11 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from encircle.agents.brain import brain
+from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.estimation.spline import extrapolate
 from encircle.agents.planning.assignment import algorithm_1, whole_quanta
 from encircle.agents.planning.ring import encirclement_points
+from encircle.protocol.messages import Observation
 from encircle.runner.memory import run_in_memory
 from encircle.world.arena import engine
 from encircle.world.loading.load import load
@@ -26,19 +28,20 @@ LITERAL_ROBOTS_MAX = 8
 def recorded_steps(robots: int) -> list[tuple[Any, ...]]:
     """Arguments of every brain step of the first robot, once the hunt has settled."""
     kept: list[tuple[Any, ...]] = []
-    step = brain.step
+    begin = RobotCore._begin
 
-    def noted(*arguments: Any) -> Any:
-        if arguments[3].own == 0 and arguments[1].tick >= SETTLED_TICK:
-            kept.append(arguments)
-        return step(*arguments)
+    def noted(core: RobotCore, observation: Observation) -> Any:
+        state, packets, config = begin(core, observation)
+        if config.own == 0 and observation.tick >= SETTLED_TICK:
+            kept.append((state, observation, packets, config))
+        return state, packets, config
 
-    brain.step = noted
+    RobotCore._begin = noted
     try:
         arena = engine.build(load(endless_hunt(robots, TICKS)), 1)
         run_in_memory(arena, "bench", print)
     finally:
-        brain.step = step
+        RobotCore._begin = begin
     return kept
 
 

@@ -118,7 +118,7 @@ def step(
     ``config.team``. Raises ``PluginFailed`` if the policy fails.
     """
     perception = perceive(state, observation, packets, config)
-    memory, decision = _decide(state.memory, perception.view, config)
+    memory, decision = decide(state.memory, perception.view, config)
     return act(perception, memory, decision, config)
 
 
@@ -291,7 +291,7 @@ def _search(search: Search, observation: Observation, config: RobotConfig) -> De
     return Decision("search", (goal[0] - x, goal[1] - y), goal)
 
 
-def _decide(memory: Any, view: View, config: RobotConfig) -> tuple[Any, Decision]:
+def decide(memory: Any, view: View, config: RobotConfig) -> tuple[Any, Decision]:
     """What the policy remembers and decides.
 
     ``PluginFailed`` if the policy raises, or its decision is impossible.

@@ -8,6 +8,7 @@ command, so that nothing is lost silently.
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from encircle.agents.brain import brain
 from encircle.agents.brain.observation_check import problem_of
@@ -185,10 +186,17 @@ class RobotCore:
         state, packets, config = self._begin(observation)
         return brain.perceive(state, observation, packets, config)
 
-    def act(self, perception: brain.Perception, decision: Decision) -> brain.Action:
-        """The second half: what a valid decision comes to. The policy remembers nothing."""
+    def decide_on(self, perception: brain.Perception) -> tuple[Any, Decision]:
+        """What its policy remembers and decides; ``PluginFailed`` if the policy fails."""
         assert self.config is not None, "it has perceived"
-        self.state, action = brain.act(perception, None, decision, self.config)
+        return brain.decide(perception.state.memory, perception.view, self.config)
+
+    def act(
+        self, perception: brain.Perception, decision: Decision, memory: Any = None
+    ) -> brain.Action:
+        """The second half: what a valid decision comes to; the policy will remember ``memory``."""
+        assert self.config is not None, "it has perceived"
+        self.state, action = brain.act(perception, memory, decision, self.config)
         return self._finished(action)
 
     def _begin(

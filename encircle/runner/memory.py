@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple, Protocol
 
+from encircle.agents.brain.co_hosted import decide_together
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import decode, encode, remember_pose
 from encircle.protocol.keys import channel_of, parse_key
@@ -131,9 +132,9 @@ def _run(
     robots = tuple(cores.values())
     while observations:
         answers: dict[str, RobotAnswer] = {}
-        for observation in observations:
-            robot = observation.robot
-            answers[robot] = give_answer(world, *cores[robot].decide(observation))
+        asked = [cores[observation.robot] for observation in observations]
+        for core, action in zip(asked, decide_together(asked, observations), strict=True):
+            answers[core.robot] = give_answer(world, *action)
         world.rounds.commit()
         if observer is not None:
             observer.decided(world, robots, [answers.get(robot) for robot in cores])
