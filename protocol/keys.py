@@ -6,7 +6,10 @@ from typing import NamedTuple
 
 from encircle.protocol.errors import UnknownKey
 
-ROBOT_CHANNELS = ("setup", "observation", "end", "pose", "command", "alive")
+ROBOT_CHANNELS = (
+    *("setup", "observation", "end", "pose", "command", "alive"),
+    *("observations", "answers"),
+)
 WORLD_CHANNELS = ("state", "radio", "intervention", "alive")
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,31}")
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from encircle.agents.process.robot_host import RobotHost
 from encircle.agents.process.robot_life import Ending, RobotLife, RobotOptions
+from encircle.protocol.envelopes import ANSWERS
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.process.interrupts import end_is_known, expect_library_threads, signals_to
 from encircle.protocol.process.log import say_error
@@ -24,6 +25,7 @@ from encircle.protocol.zenoh.liveliness import check_name_free
 
 CONNECT_NOTICE_S = 2.0
 STATUS_PERIOD_S = 0.2
+QUERY_S_MAX = 5.0
 DECISION_S_MAX = 2.0
 """How long a robot that is to end waits for the decision that is under way, in s."""
 
@@ -62,9 +64,14 @@ async def run_robots(
         for life in lives.values():
             life.end.interrupt(name)
 
+    host = _host_of(lives, connection)
+
     def world_changed(key: str, alive: bool) -> None:
         for life in lives.values():
             life.watch.token_changed(key, alive)
+        host.encloses = False
+        if alive and connection.is_open:
+            threading.Thread(target=_ask_world, args=(host, run, connection), daemon=True).start()
 
     with signals_to(interrupt):
         report(f"waiting for {world}")
@@ -72,7 +79,7 @@ async def run_robots(
         for robot in robots:
             connection.answer_info_queries(robot_key(run, robot, "about"), robot)
             connection.declare_alive(robot_key(run, robot, "alive"))
-        await _take_part(lives, run, connection)
+        await _take_part(lives, host, run, connection)
         endings = [life.conclude() for life in lives.values()]
         _report_endings(endings, options.quiet)
         end_is_known()
@@ -84,14 +91,25 @@ def _check_names_free(robots: Sequence[str], run: str, session: Any) -> None:
         check_name_free(session, robot_key(run, robot, "alive"), f"robot {robot} in run {run}")
 
 
-async def _take_part(lives: Mapping[str, RobotLife], run: str, connection: ZenohConnection) -> None:
-    """Answer until each robot's run is over or it has a reason to end; close the connection."""
+def _host_of(lives: Mapping[str, RobotLife], connection: ZenohConnection) -> RobotHost:
     loop = asyncio.get_running_loop()
-    for life in lives.values():
-        life.watch.await_admission()
     runs = {robot: life.runs for robot, life in lives.items()}
     finish = {robot: partial(_call_in_loop, loop, life.finished) for robot, life in lives.items()}
-    host = RobotHost(runs, connection, finish)
+    return RobotHost(runs, connection, finish)
+
+
+def _ask_world(host: RobotHost, run: str, connection: ZenohConnection) -> None:
+    """Ask the world whether it opens envelopes; one that does not say so gets none."""
+    info = connection.query_info(world_key(run, "about"), QUERY_S_MAX)
+    host.encloses = info is not None and ANSWERS in info.takes
+
+
+async def _take_part(
+    lives: Mapping[str, RobotLife], host: RobotHost, run: str, connection: ZenohConnection
+) -> None:
+    """Answer until each robot's run is over or it has a reason to end; close the connection."""
+    for life in lives.values():
+        life.watch.await_admission()
     rounds = _in_thread(host.answer)
     status = asyncio.create_task(_report_status(lives.values()))
     living = {asyncio.create_task(life.over()): robot for robot, life in lives.items()}

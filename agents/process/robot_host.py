@@ -11,14 +11,22 @@ of its process waiting, in lock-step.
 import gc
 import queue
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 
 from encircle.agents.process.robot_runs import RobotRuns
 from encircle.protocol.connections import Connection, Handler
-from encircle.protocol.errors import ConnectionClosed
-from encircle.protocol.keys import robot_key
+from encircle.protocol.envelopes import (
+    ANSWERS,
+    ANSWERS_BYTES_MAX,
+    OBSERVATIONS,
+    Enclosed,
+    opened,
+    sealed,
+)
+from encircle.protocol.errors import ConnectionClosed, ProtocolError
+from encircle.protocol.keys import parse_key, robot_key
 
 MAIL_MAX = 4096
 """How many messages may wait for a robot with a thread of its own; the others wait for room."""
@@ -32,20 +40,23 @@ Finish = Callable[[BaseException | None], None]
 class RobotHost:
     """The robots of one process. ``finish``: by robot, who is told that it answers no more.
 
-    ``deciding``: the robot whose message is being taken in, None if none is.
+    ``deciding``: the robot whose message is being taken in, None if none is. ``encloses``: whether
+    the world is known to open envelopes; answers in lock-step then go in one.
     """
 
     def __init__(
         self, robots: Mapping[str, RobotRuns], connection: Connection, finish: Mapping[str, Finish]
     ) -> None:
         self.deciding: str | None = None
+        self.encloses = False
+        self._run = next(iter(robots.values())).core.run
+        self._answers_key = robot_key(self._run, next(iter(robots)), ANSWERS)
+        self._observations_key = robot_key(self._run, next(iter(robots)), OBSERVATIONS)
         self._connection = connection
         self._finish = finish
         self._alone = len(robots) == 1
         self._living = dict(robots)
-        self._prefixes = {
-            robot_key(runs.core.run, robot, ""): robot for robot, runs in robots.items()
-        }
+        self._prefixes = {robot_key(self._run, robot, ""): robot for robot in robots}
         self._own_threads: dict[str, _OwnConnection] = {}
         self._lock = threading.Lock()
 
@@ -55,11 +66,8 @@ class RobotHost:
         gc.freeze()
         error: BaseException | None = None
         try:
-            if self._alone:
-                for runs in self._living.values():
-                    runs.answer(self._connection)
-            else:
-                self._answer_several()
+            while self._living:
+                self._take(*self._connection.receive())
         except ConnectionClosed:
             pass
         except BaseException as raised:
@@ -77,31 +85,62 @@ class RobotHost:
             runs.leave()
             self._finish[robot](error)
 
-    def _answer_several(self) -> None:
-        while self._living:
-            key, payload = self._connection.receive()
-            robot = self._prefixes.get(key[: key.rfind("/") + 1])
-            runs = self._living.get(robot or "")
-            if robot is None or runs is None:
-                continue
-            if robot in self._own_threads:
-                self._own_threads[robot].put(key, payload)
-            elif runs.goes_by_clock(key, payload):
-                self._start_thread(robot, runs, (key, payload))
-            else:
-                self._take(robot, runs, key, payload)
+    def _take(self, key: str, payload: bytes) -> None:
+        """Take in a message, or those of an envelope, and send the answers."""
+        answers: list[tuple[str, bytes]] = []
+        if key == self._observations_key:
+            try:
+                for message in opened(OBSERVATIONS, payload, self._run):
+                    answers += self._answers_to(*message)
+            except ProtocolError as error:
+                # The first robot counts it: it is on its key.
+                for runs in list(self._living.values())[:1]:
+                    runs.core.refuse(key, error)
+        else:
+            answers += self._answers_to(key, payload)
+        if not answers:
+            return
+        for message in self._enclosed(answers) if self.encloses else answers:
+            self._connection.send(*message)
 
-    def _take(self, robot: str, runs: RobotRuns, key: str, payload: bytes) -> None:
+    def _answers_to(self, key: str, payload: bytes) -> list[tuple[str, bytes]]:
+        robot = self._prefixes.get(key[: key.rfind("/") + 1])
+        runs = self._living.get(robot or "")
+        if robot is None or runs is None:
+            return []
+        if robot in self._own_threads:
+            self._own_threads[robot].put(key, payload)
+            return []
+        if runs.goes_by_clock(key, payload):
+            self._answer_by_clock(robot, runs, (key, payload))
+            return []
         self.deciding = robot
         try:
-            messages = runs.take(key, payload)
+            answers = runs.take(key, payload)
         except BaseException as error:  # ours; a policy's are told by its robot's command
             self.drop(robot, error)
-            return
+            return []
         finally:
             self.deciding = None
-        for message in messages:
-            self._connection.send(*message)
+        if runs.over:
+            self.drop(robot)
+        return answers
+
+    def _enclosed(self, answers: Sequence[tuple[str, bytes]]) -> Iterator[tuple[str, bytes]]:
+        enclosed = []
+        for key, payload in answers:
+            _, robot, channel = parse_key(key)
+            enclosed.append(Enclosed(robot or "", channel, payload))
+        for envelope in sealed(enclosed, self._run, ANSWERS_BYTES_MAX):
+            yield self._answers_key, envelope
+
+    def _answer_by_clock(self, robot: str, runs: RobotRuns, first: tuple[str, bytes]) -> None:
+        if not self._alone:
+            self._start_thread(robot, runs, first)
+            return
+        self.deciding = robot
+        runs.answer_by_clock(self._connection, first)
+        self.deciding = None
         if runs.over:
             self.drop(robot)
 

@@ -37,7 +37,8 @@ class ZenohConnection:
 
     ``subscription``: key expression of the messages to receive, or several; what this session sends
     itself never comes back. ``check``: called before anything is received, and may raise to go no
-    further. Raises ``ConnectionFailed``.
+    further. ``is_open``: whether no certificates and no rules of others limit which keys may be
+    used. Raises ``ConnectionFailed``.
     """
 
     def __init__(
@@ -47,6 +48,8 @@ class ZenohConnection:
         check: Callable[[zenoh.Session], None] = lambda _session: None,
     ) -> None:
         self._session = open_session(endpoints)
+        # Rules that others have written may know no key but those of every version.
+        self.is_open = endpoints.identity is None and endpoints.config is None
         try:
             # Before: what nobody receives would soon fill the inbox, and then hold up the others.
             check(self._session)
@@ -140,9 +143,12 @@ class ZenohConnection:
             tell = TokenFilter(self._session, tell, self._closed).take
         self._watchers.append(subscribe_alive(self._session, expression, tell))
 
-    def answer_info_queries(self, key: str, node: str) -> None:
-        """Answer whoever asks what this node is, which versions it has, what its clock shows."""
-        self.answer_queries(key, info_replier(node, now_us))
+    def answer_info_queries(self, key: str, node: str, takes: Collection[str] = ()) -> None:
+        """Answer whoever asks what this node is, which versions it has, what its clock shows.
+
+        ``takes``: as of ``NodeInfo``.
+        """
+        self.answer_queries(key, info_replier(node, now_us, tuple(takes)))
 
     def answer_queries(self, key: str, reply: Callable[[], bytes]) -> None:
         """Answer whoever asks on a key with what ``reply`` makes, on one of Zenoh's threads."""

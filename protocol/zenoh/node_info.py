@@ -9,7 +9,7 @@ Answers of any wire version are read, since to find out about it is what one ask
 """
 
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -26,6 +26,7 @@ ROUTER_KEY = "encircle/router/about"
 BYTES_MAX = 2048
 TEXT_MAX = 64
 VERSIONS_MAX = 16
+TAKES_MAX = 16
 TIME_US_MAX = 2**53 - 1
 PACKAGES = ("encircle", "eclipse-zenoh")
 
@@ -35,7 +36,8 @@ class NodeInfo:
     """A node's answer. ``versions``: by package, and of Python; times: its clock, Unix time in us.
 
     ``wire``: the version of the wire format it speaks. ``received_us``: when it was asked;
-    ``sent_us``: when it answered.
+    ``sent_us``: when it answered. ``takes``: the channels beyond those of every node of its wire
+    version on which it takes messages.
     """
 
     node: str
@@ -43,6 +45,7 @@ class NodeInfo:
     versions: Mapping[str, str]
     received_us: int
     sent_us: int
+    takes: tuple[str, ...] = ()
 
 
 @lru_cache(maxsize=1)
@@ -57,13 +60,17 @@ def versions_here() -> dict[str, str]:
     return versions_found
 
 
-def info_replier(node: str, clock_us: Callable[[], int]) -> Callable[[], bytes]:
+def info_replier(
+    node: str, clock_us: Callable[[], int], takes: Sequence[str] = ()
+) -> Callable[[], bytes]:
     """A function that makes this node's answer to the query that has just come in."""
     versions = versions_here()
 
     def reply() -> bytes:
         received_us = clock_us()
         head = {"v": VERSION, "party": node, "versions": versions, "received_us": received_us}
+        if takes:
+            head["takes"] = list(takes)
         payload: bytes = msgpack.packb({**head, "sent_us": clock_us()})
         return payload
 
@@ -82,7 +89,14 @@ def decode_info(payload: bytes) -> NodeInfo:
         and all(_is_text(part) for pair in versions.items() for part in pair)
     ):
         raise MalformedMessage("the answer lacks v, party, versions, received_us or sent_us")
-    return NodeInfo(body["party"], body["v"], versions, body["received_us"], body["sent_us"])
+    times = body["received_us"], body["sent_us"]
+    return NodeInfo(body["party"], body["v"], versions, *times, _takes(body.get("takes")))
+
+
+def _takes(value: Any) -> tuple[str, ...]:
+    """What a node takes; nothing that cannot be understood is a reason to refuse its answer."""
+    is_list = type(value) in (list, tuple) and len(value) <= TAKES_MAX
+    return tuple(value) if is_list and all(map(_is_text, value)) else ()
 
 
 def _is_text(value: Any) -> bool:

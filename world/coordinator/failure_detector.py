@@ -9,9 +9,11 @@ reminders until they send something. Robots that the scenario itself takes away 
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
+from encircle.protocol.envelopes import ANSWERS, opened
 from encircle.protocol.errors import OutOfTurn, ProtocolError
-from encircle.protocol.keys import parse_key
+from encircle.protocol.keys import channel_of, parse_key
 from encircle.world.coordinator.incoming import read_answer
 from encircle.world.coordinator.membership import DepartureCause
 from encircle.world.coordinator.outgoing import Outgoing
@@ -148,6 +150,15 @@ class FailureDetector:
         """A message has come; if a lost robot has sent it, that robot is readmitted."""
         if not self._lost:
             return []
+        if channel_of(key) != ANSWERS:
+            return self._sign_of(key, payload)
+        outgoing: Outgoing = []
+        with suppress(ProtocolError):  # the core has refused it
+            for inner_key, inner in opened(ANSWERS, payload, self._core.run):
+                outgoing += self._sign_of(inner_key, inner)
+        return outgoing
+
+    def _sign_of(self, key: str, payload: bytes) -> Outgoing:
         try:
             sender = parse_key(key).robot
             if sender not in self._lost or sender in self._grace_reminders:

@@ -28,11 +28,15 @@ Record = Callable[[int, str, bytes], None]
 
 
 class Entry(NamedTuple):
-    """What is noted at a tick: parts for the digest, and messages for the recording."""
+    """What is noted at a tick: parts for the digest, and messages for the recording.
+
+    ``later``: makes further messages for the recording, which need not be encoded before.
+    """
 
     tick: int
     digested: list[bytes]
     messages: Outgoing
+    later: Callable[[], Outgoing] = list
 
 
 class Journal:
@@ -66,16 +70,21 @@ class Journal:
         """Note the setups of all robots, in robot order, for the recording alone."""
         self.pending.append(Entry(0, [], setups))
 
-    def note_state(self, state: ArenaState, setups: Outgoing, messages: Outgoing) -> None:
-        """Note the truth at a tick, the setups of robots that are back, and all messages sent."""
+    def note_state(self, state: ArenaState, setups: Outgoing, sent: Callable[[], Outgoing]) -> None:
+        """Note the truth at a tick, the setups of robots that are back, and all messages sent.
+
+        ``sent`` makes these, if they are recorded.
+        """
+        messages: Outgoing = []
         self.contacts += len(state.contacts)
         if self.record is not None or self.publishes:
             shown = encode(engine.truth(self._arena, state), self._run)
-            messages = [(self._state_key, shown), *messages]
+            messages.append((self._state_key, shown))
         moving = len(self._arena.ids) + 1
         truth = state.positions[:moving].tobytes() + bytes([state.captured])
         returned = [body_of(payload, self._run) for _, payload in setups]
-        self.pending.append(Entry(state.tick, [truth, *returned], messages))
+        later = sent if self.record is not None else list
+        self.pending.append(Entry(state.tick, [truth, *returned], messages, later))
 
     def note_intervention(self, tick: int, event: Mapping[str, Any]) -> None:
         """Note an event that was given at a tick, in whose round it stands before the answers."""
@@ -107,7 +116,7 @@ class Journal:
         for entry in self.pending:
             for part in entry.digested:
                 self.hash.update(part)
-            for key, payload in entry.messages:
+            for key, payload in (*entry.messages, *entry.later()):
                 if self.record is not None:
                     self.record(entry.tick, key, payload)
                 if key in self._shown:

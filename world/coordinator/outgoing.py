@@ -3,7 +3,7 @@
 Each function makes messages ``(key, payload)`` from what they are to say.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -11,11 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from encircle.protocol.codec import encode
+from encircle.protocol.envelopes import (
+    OBSERVATIONS,
+    OBSERVATIONS_BYTES_MAX,
+    Enclosed,
+    sealed,
+    with_inbox,
+)
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.messages import End, Observation, PoseCarrier, Radio, Setup
 from encircle.protocol.wire.limits import REASON_MAX
 from encircle.world.arena.engine import Arena
 from encircle.world.channel.channel import Fates
+
+INBOX_APART_MIN = 8
+"""From so many packets on, an observation in an envelope shares them with the others there."""
 
 Outgoing = list[tuple[str, bytes]]
 
@@ -87,11 +97,55 @@ class OpenRound:
         self.setups = list(setups)
         self.observations = list(observations)
         self._run = run
+        self._lean: dict[str, bytes] = {}
+        self._whole: dict[str, tuple[str, bytes]] = {}
 
     @cached_property
     def messages(self) -> Outgoing:
         """Setups and observations, in the order in which they are sent; encoded when first used."""
-        return [*self.setups, *(observation_message(self._run, o) for o in self.observations)]
+        return [*self.setups, *map(self._message, self.observations)]
+
+    def messages_by(self, hosts: Mapping[str, str]) -> Outgoing:
+        """The messages as they are sent: those of robots that share a process, in envelopes.
+
+        ``hosts``: of robots that are asked by envelopes, the robot on whose key that is done. A
+        robot that is set up anew is told by itself.
+        """
+        shared: dict[str, list[Observation]] = {}
+        for observation in self.observations:
+            host = hosts.get(observation.robot)
+            if host is not None and observation.robot not in self.returned:
+                shared.setdefault(host, []).append(observation)
+        several = {host: asked for host, asked in shared.items() if len(asked) > 1}
+        if not several:
+            return self.messages
+        enclosed = {asked.robot for together in several.values() for asked in together}
+        outgoing = [*self.setups]
+        outgoing += [self._message(o) for o in self.observations if o.robot not in enclosed]
+        for host, asked in several.items():
+            key = robot_key(self._run, host, OBSERVATIONS)
+            contents = [self._enclosed(observation) for observation in asked]
+            envelopes = sealed(contents, self._run, OBSERVATIONS_BYTES_MAX)
+            outgoing += [(key, envelope) for envelope in envelopes]
+        return outgoing
+
+    def _enclosed(self, observation: Observation) -> Enclosed:
+        robot = observation.robot
+        if len(observation.inbox) < INBOX_APART_MIN:
+            message = self._whole[robot] = observation_message(self._run, observation)
+            return Enclosed(robot, "observation", message[1])
+        lean = encode(replace(observation, inbox=()), self._run)
+        self._lean[robot] = lean
+        return Enclosed(robot, "observation", lean, observation.inbox)
+
+    def _message(self, observation: Observation) -> tuple[str, bytes]:
+        if (message := self._whole.get(observation.robot)) is not None:
+            return message
+        lean = self._lean.get(observation.robot)
+        if lean is None:
+            return observation_message(self._run, observation)
+        key = robot_key(self._run, observation.robot, "observation")
+        return key, with_inbox(lean, observation.inbox) if observation.inbox else lean
 
     def messages_to(self, robots: Collection[str]) -> Outgoing:
         """Those of the messages that go to any of these robots."""

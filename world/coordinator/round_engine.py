@@ -131,11 +131,10 @@ class RoundEngine:
                 self.fail(str(error), error)
                 return []
         state = self.state
-        recording = self.journal.record is not None
         if state.captured or state.tick >= self.arena.scenario.ticks_max:
             reason = EndReason.CAPTURED if state.captured else EndReason.TICKS
             self.ended = reason.value
-            self.journal.note_state(state, [], self.end_messages() if recording else [])
+            self.journal.note_state(state, [], self.end_messages)
             return []
         returned = self.members.open_round(state.tick)
         self.open_round = OpenRound(
@@ -146,9 +145,8 @@ class RoundEngine:
         )
         if complete is not None:
             self.open_round.observations = complete(self.open_round)
-        self.journal.note_state(
-            state, self.open_round.setups, self.open_round.messages if recording else []
-        )
+        opened = self.open_round
+        self.journal.note_state(state, opened.setups, lambda: opened.messages)
         return self.open_round.observations
 
     def _advance(self, answers: Mapping[str, Answer]) -> None:

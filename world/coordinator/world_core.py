@@ -12,7 +12,9 @@ messages were sent.
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from encircle.protocol.errors import ProtocolError
+from encircle.protocol.envelopes import ANSWERS, opened
+from encircle.protocol.errors import ProtocolError, WrongRun
+from encircle.protocol.keys import channel_of, parse_key
 from encircle.protocol.lockstep import Move
 from encircle.protocol.messages import Command, Observation, Pose
 from encircle.world.arena.engine import Arena, ArenaState
@@ -28,7 +30,8 @@ from encircle.world.scenario.model import Event
 class WorldCore:
     """The protocol around one run in lock-step. ``rounds``: the run itself.
 
-    ``record`` gets every message of the run.
+    ``record`` gets every message of the run. ``hosts``: of each robot whose last answer came in an
+    envelope, the robot on whose key that was; it is asked by an envelope on that robot's key.
     """
 
     def __init__(
@@ -42,6 +45,8 @@ class WorldCore:
         self.rounds = RoundEngine(arena, run, log)
         self.rounds.journal.record = record
         self.answers: dict[str, Answer] = {}
+        self.hosts: dict[str, str] = {}
+        self._host: str | None = None
 
     @property
     def arena(self) -> Arena:
@@ -73,6 +78,7 @@ class WorldCore:
         bring back, the rounds that remain are played without any robot: the caller should rather
         fail such a run.
         """
+        self.hosts.pop(robot, None)
         if self.rounds.leave(robot, cause, detail):
             self.answers.pop(robot, None)
             if self.rounds.table.complete:
@@ -89,6 +95,8 @@ class WorldCore:
 
     def receive(self, key: str, payload: bytes) -> Outgoing:
         """Take one message in; returns the messages to send. Never raises for remote input."""
+        if channel_of(key) == ANSWERS:
+            return self._open(key, payload)
         was_over = self.ended is not None
         try:
             message = read_answer(key, payload, self.run)
@@ -106,6 +114,22 @@ class WorldCore:
         if self.ended is not None:
             return [] if was_over else self.rounds.end_messages()
         return self._next_round() if self.rounds.table.complete else []
+
+    def _open(self, key: str, envelope: bytes) -> Outgoing:
+        """Take in the messages of an envelope, each as if it had come by itself."""
+        outgoing: Outgoing = []
+        try:
+            run, host, _ = parse_key(key)
+            if run != self.run:
+                raise WrongRun(f"key of run {run!r}, this is {self.run!r}")
+            self._host = host
+            for inner_key, payload in opened(ANSWERS, envelope, self.run):
+                outgoing += self.receive(inner_key, payload)
+        except ProtocolError as error:
+            self.rounds.refusals.add(key, error)
+        finally:
+            self._host = None
+        return outgoing
 
     def ask(self) -> list[Observation]:
         """Finish the round that every robot has answered, if any, and open the next one.
@@ -136,7 +160,7 @@ class WorldCore:
         while not self.ask():
             if self.ended is not None:
                 return self.rounds.end_messages()
-        return self.rounds.open_round.messages
+        return self.rounds.open_round.messages_by(self.hosts)
 
     def _take_pose(self, pose: Pose, packet: bytes) -> None:
         self.rounds.table.move(pose.robot, Move.POSE, pose.tick)
@@ -148,6 +172,10 @@ class WorldCore:
         answer = self.answers.setdefault(command.robot, Answer())
         answer.step, answer.command = command.step, payload
         answer.digested_command = digested_part(command, payload, self.run)
+        if self._host is None:
+            self.hosts.pop(command.robot, None)
+        else:
+            self.hosts[command.robot] = self._host
 
 
 def _move_of(command: Command) -> Move:

@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any
 
 from encircle.protocol.connections import Connection
+from encircle.protocol.envelopes import ANSWERS
 from encircle.protocol.errors import ConnectionClosed
 from encircle.protocol.keys import robot_key, world_key
 from encircle.protocol.zenoh.connection import ZenohConnection
@@ -161,7 +162,9 @@ class Server:
         """Take robots in until the run can begin; False if it failed before."""
         started, run, s_max = time.perf_counter(), self.core.run, self.options.join_s_max
         self._joining.watch_tokens(run)
-        self.connection.answer_info_queries(world_key(run, "about"), "world")
+        opens = isinstance(self.core, WorldCore) and self.connection.is_open
+        takes = (ANSWERS,) if opens else ()
+        self.connection.answer_info_queries(world_key(run, "about"), "world", takes)
         self.connection.answer_queries(*description_answer(self.core.rounds))
         self.connection.declare_alive(world_key(run, "alive"))
         timeout = self._loop.call_later(s_max, self._joining.give_up, s_max, self.stop)
