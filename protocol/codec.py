@@ -106,6 +106,15 @@ def encode_any_length(message: Message, run: str) -> bytes:
     return payload
 
 
+def encode_without_inbox(observation: Observation, run: str) -> bytes:
+    """The observation's bytes as they would be if its inbox were empty."""
+    layout = _LAYOUTS[Observation]
+    body = dict(zip(layout.names, (VERSION, run, *layout.values(observation)), strict=True))
+    body["inbox"] = ()
+    payload: bytes = msgpack.packb(body)
+    return payload
+
+
 def body_of(payload: bytes, run: str) -> bytes:
     """The payload without map size, version and run: what a digest covers.
 

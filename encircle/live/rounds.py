@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from encircle.protocol.codec import decode
+from encircle.protocol.envelopes import INSIDE, opened
 from encircle.protocol.errors import ProtocolError, WrongSender
-from encircle.protocol.keys import parse_key
+from encircle.protocol.keys import channel_of, parse_key
 from encircle.protocol.messages import Command, End, Intervention, Observation, Setup
 from encircle.world.loading.interventions import INTERVENTIONS_MAX
 from encircle.world.recording.schemas import KINDS
@@ -77,7 +78,22 @@ class RoundCollector:
         return self._next
 
     def take(self, key: str, payload: bytes) -> list[Round]:
-        """Take in a message; returns the rounds that can go on, in order. Never raises."""
+        """Take in a message, or those of an envelope; returns the rounds that can go on, in order.
+
+        Never raises.
+        """
+        channel = channel_of(key)
+        if channel not in INSIDE:
+            return self._take(key, payload)
+        rounds: list[Round] = []
+        try:
+            for inner_key, inner in opened(channel, payload, self._run):
+                rounds += self._take(inner_key, inner)
+        except ProtocolError:
+            self.refused += 1
+        return rounds
+
+    def _take(self, key: str, payload: bytes) -> list[Round]:
         try:
             channel, robot, message = self._read(key, payload)
         except ProtocolError:

@@ -83,9 +83,9 @@ def hunt(tmp_path_factory):
         settings = [word for change in changes for word in ("--set", change)]
         own = {FOLDERS: str(folder)}
         world = start("world", ours("world", "sim1", *world_words, *settings), **own)
-        look = f":read:encircle/{RUN}/robots/*/pose"
+        looks = [f":read:encircle/{RUN}/robots/*/{part}" for part in ("pose", "answers")]
         onlooker = start(
-            "onlooker", [sys.executable, str(STRANGER / "onlooker.py"), endpoint, "0", "", look]
+            "onlooker", [sys.executable, str(STRANGER / "onlooker.py"), endpoint, "0", "", *looks]
         )
         onlooker.wait_until(lambda node: "looking on" in node.said)
         robots = [start(robot, ours("agents", robot, *where), **own) for robot in TEAM[:3]]

@@ -43,6 +43,14 @@ def settings(endpoint, directory, who):
 
 def read(sample):
     message = msgpack.unpackb(sample.payload.to_bytes())
+    # Several robots' answers, or one robot's, may come in one envelope.
+    for _robot, channel, payload, _inbox in message.get("messages", ()):
+        if channel == "pose":
+            tell(msgpack.unpackb(payload))
+    tell(message)
+
+
+def tell(message):
     if message.get("say"):
         print(json.dumps([message["tick"], message["robot"], message["say"]]), flush=True)
 
