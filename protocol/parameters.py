@@ -15,7 +15,7 @@ from functools import cache
 from math import pi
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
-from encircle.protocol.suggestions import did_you_mean
+from encircle.protocol.errors import did_you_mean
 
 XI_MAX = 100.0
 XI_COUNT_MAX = 64

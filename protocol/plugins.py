@@ -19,6 +19,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
+from encircle.protocol.errors import did_you_mean
 from encircle.protocol.messages import Point
 from encircle.protocol.plugin_files import (
     FileProblem,
@@ -27,7 +28,6 @@ from encircle.protocol.plugin_files import (
     is_in_file,
     source_digest,
 )
-from encircle.protocol.suggestions import did_you_mean
 from encircle.protocol.wire.limits import NUMBER_MAX
 
 STRATEGIES, TARGETS, MEASURES_GROUP = "encircle.strategies", "encircle.targets", "encircle.measures"

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 from encircle.cli.reading import doubts_told, prints_elsewhere, read_or_tell
 from encircle.extras import needing
+from encircle.protocol.errors import did_you_mean
 from encircle.protocol.process.interrupts import signals_held
 from encircle.protocol.process.log import say
 from encircle.protocol.programs.option_values import yes_or_no
 from encircle.protocol.programs.options import Options
-from encircle.protocol.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from encircle.world.recording.recording import Recording

@@ -10,8 +10,8 @@ from importlib import import_module
 from typing import NamedTuple
 
 from encircle import laboratory
+from encircle.protocol.errors import did_you_mean
 from encircle.protocol.process.log import say, say_error
-from encircle.protocol.suggestions import did_you_mean
 
 
 class Command(NamedTuple):

@@ -16,9 +16,9 @@ from typing import Any
 
 from encircle.agents.policies.registry import REGISTRY
 from encircle.check_results import CheckResult
+from encircle.protocol.errors import did_you_mean
 from encircle.protocol.plugin_files import FOLDERS, FileProblem, is_in_file
 from encircle.protocol.plugins import PluginLoadError, UnknownPlugin, error_line
-from encircle.protocol.suggestions import did_you_mean
 
 FORM = "def policy(memory, view, *, own parameters): ... return memory, Decision(...)"
 

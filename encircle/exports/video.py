@@ -15,8 +15,8 @@ from encircle.exports.pictures.picture import Picture, PictureStyle
 from encircle.exports.pictures.timeline import PICTURES_MAX, Timeline, timeline_of
 from encircle.exports.refused_option import OptionRefused
 from encircle.progress import Progress
+from encircle.protocol.errors import did_you_mean
 from encircle.protocol.process.interrupts import check
-from encircle.protocol.suggestions import did_you_mean
 from encircle.scene.builder import scene_of_recording
 from encircle.scene.palette import THEMES
 from encircle.world.recording.recording import Recording

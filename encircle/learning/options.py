@@ -6,7 +6,7 @@ from typing import TypedDict
 
 from encircle.learning.acting import PAYLOAD_MAX
 from encircle.learning.rewards import Reward
-from encircle.protocol.suggestions import did_you_mean
+from encircle.protocol.errors import did_you_mean
 
 RENDER_MODES = ("rgb_array",)
 

@@ -18,6 +18,7 @@ from importlib import import_module
 from math import isinf, nan
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from encircle.protocol.errors import did_you_mean
 from encircle.protocol.plugins import (
     MEASURES_GROUP,
     InvalidPluginResult,
@@ -25,7 +26,6 @@ from encircle.protocol.plugins import (
     Registry,
     shown,
 )
-from encircle.protocol.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from encircle.runlog.runlog import RunLog

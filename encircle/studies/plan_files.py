@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from encircle.protocol.suggestions import did_you_mean
+from encircle.protocol.errors import did_you_mean
 from encircle.studies.plan import Plan, StudyError
 from encircle.studies.plan_problems import plan_problems, problem_lines
 from encircle.world.loading.files import read

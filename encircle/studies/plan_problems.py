@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from math import prod
 
 from encircle.measures.registry import MEASURES, problem_with, split_name
-from encircle.protocol.suggestions import did_you_mean
+from encircle.protocol.errors import did_you_mean
 from encircle.studies.plan import CELLS_MAX, RESERVED_COLUMNS, Plan
 from encircle.world.scenario.errors import ScenarioError
 

@@ -8,8 +8,8 @@ import argparse
 import math
 from collections.abc import Callable, Collection
 
+from encircle.protocol.errors import did_you_mean
 from encircle.protocol.keys import check_name
-from encircle.protocol.suggestions import did_you_mean
 
 YES, NO = ("1", "yes", "true", "on"), ("0", "no", "false", "off")
 S_MAX = 86_400.0

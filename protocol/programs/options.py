@@ -15,10 +15,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
+from encircle.protocol.errors import did_you_mean
 from encircle.protocol.plugin_files import FOLDERS
 from encircle.protocol.process.log import printable
 from encircle.protocol.programs.option_values import yes_or_no
-from encircle.protocol.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from encircle.protocol.zenoh.endpoints import Endpoints, Identity, Mode

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from encircle.protocol.suggestions import did_you_mean
+from encircle.protocol.errors import did_you_mean
 from encircle.world.loading import robots
 from encircle.world.loading.toml_folder import toml_files
 from encircle.world.loading.trace_files import anchored

@@ -21,8 +21,8 @@ from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from encircle.protocol.errors import did_you_mean
 from encircle.protocol.programs.generated_pages import check_or_write, with_parts
-from encircle.protocol.suggestions import did_you_mean
 from encircle.world.loading.toml_folder import toml_files
 from encircle.world.scenario.fields import shown
 from encircle.world.scenario.loss_models import BURST_PACKETS_MAX

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from encircle.protocol.suggestions import did_you_mean
+from encircle.protocol.errors import did_you_mean
 from encircle.world.scenario.fields import ROBOTS_MAX, shown
 
 KEY = ("team", "robots")

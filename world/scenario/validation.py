@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from encircle.protocol.suggestions import did_you_mean, suggestion
+from encircle.protocol.errors import did_you_mean, suggestion
 from encircle.world.scenario.fields import model_of_others, models_in, shown
 
 Path = tuple[str | int, ...]
