@@ -33,6 +33,8 @@ from encircle.protocol.messages import QUANTA_PER_M, Point
 
 ENUMERATED_MAX = 5
 TIE_BITS = 20
+AT_ONCE_MAX = 100
+"""For larger teams the costs of all rings at once leave the cache: ring by ring is quicker."""
 
 
 def algorithm_1(costs: NDArray[np.float64], own: int) -> tuple[int, float]:
@@ -104,6 +106,9 @@ def assign(
     distance to it (G, N) in m.
     """
     rings, count, _ = points.shape
+    if rings > 1 and count > AT_ONCE_MAX:
+        each = [assign(team, ring[None]) for ring in points]
+        return np.concatenate([part[0] for part in each]), np.concatenate([p[1] for p in each])
     # [robot, ring, point]
     distances = cdist(team, points.reshape(rings * count, 2)).reshape(count, rings, count)
     costs = whole_quanta(distances)
