@@ -19,6 +19,7 @@ from statistics import median
 from typing import Any
 
 from decisions import measure as measure_decisions
+from floor import measure_floor
 from learning_speed import measure_learning
 from realtime import RATES_HZ, measure_real_time
 from rich.console import Console
@@ -26,6 +27,7 @@ from rich.table import Table
 from scenarios import endless_hunt, ordinary_hunt
 from start_up import measure_start_up
 from studies import measure_studies
+from wide import SIZES, measured
 
 from encircle.progress import Progress, Tell
 from encircle.runner.hunts import run
@@ -198,6 +200,14 @@ def main() -> None:
         measure_learning(n, s, options.peers, turns) for n, s in ((4, steps), (16, steps // 4))
     ]
     show("(g) steps per second of the learning environment, one core", report["g_learning"])
+    report["h_floor"] = [measure_floor(64, options.peers, turns)]
+    show(
+        "(h) 64 robots in memory, ms a round, beside the assignments that they solve",
+        report["h_floor"],
+    )
+    widths = SIZES[:4] if options.quick else SIZES
+    report["i_wide"] = [measured(n, 0.0, False, 1) for n in widths]
+    show("(i) ms a round by part and memory, by the size of the team", report["i_wide"])
     options.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     print(f"written to {options.json}")
 

@@ -7,8 +7,8 @@ power law is fitted to each part by least squares on logarithms, with a 95 % int
 from the scatter of the sizes about the line. What 1,000 robots would need is given twice: by that
 line, and by measuring the parts alone on arrays of that size.
 
-``--noise 0.05``: each robot detects the target where it is not, so that no two believe the same and
-each computes its own assignments (``encircle.agents.planning.best_ring``).
+All robots see each other. ``--noise 0.05``: each robot detects the target where it is not, so that
+no two believe the same and each computes its own assignments (``agents/planning/best_ring.py``).
 """
 
 import argparse
@@ -62,6 +62,8 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
 }
 REST = "policy and rest"
 WIDEST = 1000
+SENSING_M = 1000.0
+"""So far that all robots see each other whatever the size of the team."""
 
 
 class Stopwatch:
@@ -108,10 +110,13 @@ def watched() -> Iterator[Stopwatch]:
         yield watch
 
 
-def measure_here(robots: int, noise_m_std: float) -> dict[str, Any]:
+def measure_here(robots: int, noise_m_std: float, cyclic: bool) -> dict[str, Any]:
     """One size, in this process: milliseconds of each part per round, memory, recorded bytes."""
-    ticks = max(6, min(200, 4000 // robots))
+    ticks = max(6, min(200, 3000 // robots))
     scenario = endless_hunt(robots, ticks) | {"sensing": {"noise_m_std": noise_m_std}}
+    scenario["team"]["sensing_range_m"] = SENSING_M
+    if cyclic:
+        scenario["robot"] = {"assignment": "cyclic"}
     arena = engine.build(load(scenario), 1)
     before_mib = peak_mib()
     rounds: list[dict[str, float]] = []
@@ -145,9 +150,10 @@ def peak_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def measured(robots: int, noise_m_std: float, turns: int) -> dict[str, Any]:
+def measured(robots: int, noise_m_std: float, cyclic: bool, turns: int) -> dict[str, Any]:
     """One size, in processes of its own: of several turns the quickest of each part."""
     command = [sys.executable, __file__, "--one", str(robots), "--noise", str(noise_m_std)]
+    command += ["--cyclic"] * cyclic
     rows = []
     for _ in range(turns):
         done = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -231,14 +237,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Time and memory by the size of the team.")
     parser.add_argument("--one", type=int, help="measure this size in this process, as JSON")
     parser.add_argument("--noise", type=float, default=0.0, help="of detections, in m")
+    parser.add_argument("--cyclic", action="store_true", help="the cheaper assignment")
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--most", type=int, default=SIZES[-1], help="the largest team")
     options = parser.parse_args()
     if options.one:
-        print(json.dumps(measure_here(options.one, options.noise)))
+        print(json.dumps(measure_here(options.one, options.noise, options.cyclic)))
         return
     sizes = [size for size in SIZES if size <= options.most]
-    print("\n".join(table([measured(size, options.noise, options.turns) for size in sizes])))
+    rows = [measured(size, options.noise, options.cyclic, options.turns) for size in sizes]
+    print("\n".join(table(rows)))
     alone = parts_alone(WIDEST, 7)
     shown = ", ".join(f"{part} {ms:,.0f} ms" for part, ms in alone.items())
     print(f"\n{WIDEST:,} robots, parts measured alone: {shown} (assignment: of one view)")
