@@ -50,7 +50,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "world": ((engine, "observe"), (engine, "advance")),
     "channel": ((channel, "transmit"), (channel, "deliver")),
     "perceive": ((RobotCore, "_begin"), (brain, "perceive")),
-    "assignment": ((best_ring, "assign"),),
+    "assignment": ((best_ring, "assign"), (best_ring, "assign_in_cyclic_order")),
     "act": ((brain, "act"),),
     "record": (
         (memory, "give_answer"),
@@ -140,7 +140,7 @@ def measure_here(robots: int, noise_m_std: float, cyclic: bool) -> dict[str, Any
         "ms": typical,
         "total_ms": sum(typical.values()),
         "memory_mib": peak_mib() - before_mib,
-        "recorded_kib": recorded / 1024 / ticks,
+        "recorded_kib": recorded / 1024 / done.ticks,
         "digest": done.digest,
     }
 
