@@ -17,13 +17,15 @@ def decide_together(
 ) -> list[Action]:
     """The answer of each core to its observation; raises as ``RobotCore.decide``.
 
+    A world in this process has made the observations, so that their values are not checked.
+
     If a policy fails it is the first one, in this order, that is raised; the others may have taken
     their observations in or not.
     """
     if any(core.failed is not None for core in cores):
         # One that has failed raises before it perceives, and others before it may fail first.
         return [core.decide(seen) for core, seen in zip(cores, observations, strict=True)]
-    perceptions = [core.perceive(seen) for core, seen in zip(cores, observations, strict=True)]
+    perceptions = [core.perceive_own(seen) for core, seen in zip(cores, observations, strict=True)]
     decided = [
         core.decide_on(perception) for core, perception in zip(cores, perceptions, strict=True)
     ]

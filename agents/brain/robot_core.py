@@ -161,6 +161,13 @@ class RobotCore:
         ``OutOfTurn`` before setup or if its tick is not the next one, ``WrongSender`` if it is for
         another robot, ``MalformedMessage`` for values that are impossible for this robot.
         """
+        setup, config = self._check_turn(observation)
+        problem = problem_of(observation, setup, config)
+        if problem is not None:
+            raise MalformedMessage(f"Observation: {problem}")
+
+    def _check_turn(self, observation: Observation) -> tuple[Setup, brain.RobotConfig]:
+        """The first part of ``check``: whether an observation is for this robot, and its turn."""
         if self.setup is None or self.config is None:
             raise OutOfTurn(f"observation of tick {observation.tick} before setup")
         if observation.robot != self.robot:
@@ -171,18 +178,29 @@ class RobotCore:
             raise OutOfTurn(f"observation of tick {observation.tick} after tick {self.tick}")
         if self._timed not in (None, observation.sent_us is not None):
             raise MalformedMessage("Observation: sent_us is null in lock-step, and only there")
-        problem = problem_of(observation, self.setup, self.config)
-        if problem is not None:
-            raise MalformedMessage(f"Observation: {problem}")
+        return self.setup, self.config
 
     def decide(self, observation: Observation) -> brain.Action:
         """Answer an observation; raises as ``check``, or ``PluginFailed`` if the policy fails."""
+        self.check(observation)
         state, packets, config = self._begin(observation)
         self.state, action = brain.step(state, observation, packets, config)
         return self._finished(action)
 
     def perceive(self, observation: Observation) -> brain.Perception:
         """The first half of ``decide``, for a caller who decides himself; raises as that."""
+        self.check(observation)
+        return self._perceived(observation)
+
+    def perceive_own(self, observation: Observation) -> brain.Perception:
+        """As ``perceive``, of an observation that a world in this process has just made.
+
+        Its values need no check; whether it is its turn is checked as ever.
+        """
+        self._check_turn(observation)
+        return self._perceived(observation)
+
+    def _perceived(self, observation: Observation) -> brain.Perception:
         state, packets, config = self._begin(observation)
         return brain.perceive(state, observation, packets, config)
 
@@ -202,7 +220,6 @@ class RobotCore:
     def _begin(
         self, observation: Observation
     ) -> tuple[brain.BrainState, list[Pose], brain.RobotConfig]:
-        self.check(observation)
         assert self.config is not None, "checked"
         assert self.state is not None, "checked"
         self.tick, self._timed = observation.tick, observation.sent_us is not None

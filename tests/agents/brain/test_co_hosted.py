@@ -9,6 +9,7 @@ from helpers_scenarios import scenario_of
 from encircle.agents.brain.co_hosted import decide_together
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.protocol.codec import encode
+from encircle.protocol.errors import OutOfTurn, WrongSender
 from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import Setup
 from encircle.protocol.plugins import STRATEGIES, PluginFailed
@@ -40,6 +41,15 @@ def test_a_hunt_is_the_same_whether_robots_decide_together_or_one_by_one(strateg
     team = drawn.team.model_copy(update={"strategy": strategy, "policy_parameters": {}})
     scenario = drawn.model_copy(update={"team": team})
     assert answers_of(scenario, decide_together) == answers_of(scenario, one_by_one)
+
+
+def test_whose_turn_it_is_is_checked_also_for_what_this_process_has_made():
+    cores = cores_with(failing=())
+    asked = [observation(robot) for robot in TEAM]
+    decide_together(cores, asked)
+    for wrong in (asked[0], observation("r1", tick=2), observation("r2", tick=1)):
+        with pytest.raises((OutOfTurn, WrongSender)):
+            decide_together(cores[:1], [wrong])
 
 
 def cores_with(failing, failed_before=()):
