@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.estimation.kalman import Estimate
-from encircle.agents.teamwork.peers import PeerTable, planning_team, without_lost
+from encircle.agents.teamwork.peers import PeerTable, without_lost
 from encircle.protocol.messages import Command, Point
 from encircle.protocol.parameters import Parameters
 from encircle.runlog.packet_parts import NO_PARTS, parts_bytes
+from encircle.runlog.team_beliefs import believed_positions
 from encircle.runner.memory import RobotAnswer, rare_garbage_collection
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.scenario.model import MoveTarget, Scenario
@@ -197,7 +198,12 @@ def log_of(
         goals=_table([(c and c.goal) or NOWHERE for c in commands], (*by_robot, 2)),
         estimates=estimates[..., :4],
         covariances=estimates[..., 4:],
-        believed=_table(_believed(rounds.beliefs, count, parameters), (*by_link, 2)),
+        believed=believed_positions(
+            [None if b is None else b.peers for b in rounds.beliefs],
+            [None if b is None else b.position for b in rounds.beliefs],
+            count,
+            parameters,
+        ),
         due=np.array(rounds.due, np.int64).reshape(by_link),
         copies=np.array(copies, np.int64).reshape(by_link),
         sizes_bytes=np.array(sizes, np.int64).reshape(by_robot),
@@ -210,23 +216,6 @@ def _table(rows: Sequence[tuple[float, ...]], shape: tuple[int, ...]) -> Floats:
     """As ``np.array(rows).reshape(shape)``, several times faster."""
     size = int(np.prod(shape))
     return np.fromiter(chain.from_iterable(rows), np.float64, size).reshape(shape)
-
-
-def _believed(beliefs: Sequence[Belief | None], count: int, parameters: Parameters) -> list[Point]:
-    """Where each robot assumes each of the whole team to be, for all beliefs in order."""
-    assumed: list[Point] = []
-    for row, belief in enumerate(beliefs):
-        if belief is None:
-            assumed += [NOWHERE] * count
-            continue
-        position, peers, _ = belief
-        tick, own = divmod(row, count)
-        members, _, positions = planning_team(peers, own, position, tick, parameters)
-        if len(members) < count:
-            known = dict(zip(members, positions, strict=True))
-            positions = tuple([known.get(robot, NOWHERE) for robot in range(count)])
-        assumed += positions
-    return assumed
 
 
 class RunLogCollector:

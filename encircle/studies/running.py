@@ -13,7 +13,7 @@ from encircle.measures.registry import measure
 from encircle.protocol.plugins import PluginFailed, error_line
 from encircle.protocol.process.log import bounded_log
 from encircle.runlog.runlog import RunLog, RunLogCollector
-from encircle.runner.memory import RunEndedByPlugin, run_in_memory
+from encircle.runner.memory import RunEndedByPlugin, rare_garbage_collection, run_in_memory
 from encircle.studies.tasks import FAILED, TRACEBACK, Row, Task, code_and_versions
 from encircle.world.arena.engine import build
 from encircle.world.loading.load import load
@@ -27,7 +27,9 @@ def run_task(task: Task) -> tuple[str, list[Row]]:
     # The digest must be taken before the plug-ins are imported.
     code = code_and_versions(task.plugins)
     scenario = load(json.loads(task.scenario))
-    return code[0], [run_seed(task, scenario, seed, code) for seed in task.seeds]
+    # Around all seeds: whenever it is left, all that a run has made is looked through.
+    with rare_garbage_collection():
+        return code[0], [run_seed(task, scenario, seed, code) for seed in task.seeds]
 
 
 def run_seed(task: Task, scenario: Scenario, seed: int, code: tuple[str, str]) -> Row:

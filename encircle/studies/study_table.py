@@ -84,7 +84,7 @@ class StudyTable:
         """Add finished runs; they are on disk when this returns."""
         number = max(self._numbers, default=0) + 1
         table = pa.Table.from_pylist(list(rows), schema=self._schema(rows[0]))
-        _write_table(self.directory / PARTS_DIRECTORY / f"{number:08}.parquet", [table])
+        _write_table(self.directory / PARTS_DIRECTORY / f"{number:08}.parquet", [table], "none")
         self._numbers.append(number)
         for row in rows:
             seed_index = self._seed_index[row["seed"]]
@@ -206,13 +206,16 @@ def _sorted_rows(
     return rows if first_of.all() else rows.filter(pa.array(first_of))
 
 
-def _write_table(path: Path, pieces: Iterable[pa.Table]) -> None:
-    """Write tables to a file that gets its name only when it is complete."""
+def _write_table(path: Path, pieces: Iterable[pa.Table], compression: str = "zstd") -> None:
+    """Write tables to a file that gets its name only when it is complete.
+
+    A few rows take longer to compress than to write.
+    """
     aside = path.with_suffix(".tmp")
     writer = None
     with open(aside, "wb") as file:
         for piece in pieces:
-            writer = writer or pq.ParquetWriter(file, piece.schema, compression="zstd")
+            writer = writer or pq.ParquetWriter(file, piece.schema, compression=compression)
             writer.write_table(piece)
         if writer is not None:
             writer.close()

@@ -106,3 +106,21 @@ def test_in_a_mixed_team_each_robot_occupies_by_its_own_step():
     assert ring_closure.speed_ratios(log.scenario) == pytest.approx([0.25, 0.75, 0.75, 0.75])
     weakest = asin(0.25) + asin(0.75) + 2.0 * asin(1.3 / RING_M) - pi / 2
     assert ring_closure.slack_rad_final(log) == pytest.approx(weakest)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_all_ticks_at_once_are_as_one_at_a_time_to_the_bit(seed):
+    rng = np.random.default_rng(seed)
+    count, ticks, capture_m = int(rng.integers(1, 7)), 30, float(rng.choice([0.0, 1.0]))
+    bearings = rng.uniform(-4.0, 4.0, (ticks, count))
+    bearings[::3] = np.round(bearings[::3])  # some stand one behind the other
+    distances_m = rng.uniform(0.1, 5.0, (ticks, count))
+    ratios = rng.choice(
+        [0.0, 0.4, 0.9, 1.0, 1.2, np.inf], count, p=[0.1, 0.3, 0.3, 0.2, 0.05, 0.05]
+    )
+    singly = [
+        ring_closure.least_slack_rad(bearing, distance_m, ratios.tolist(), capture_m)
+        for bearing, distance_m in zip(bearings.tolist(), distances_m.tolist(), strict=True)
+    ]
+    at_once = ring_closure.least_slacks_rad(bearings, distances_m, ratios.tolist(), capture_m)
+    assert at_once.tolist() == singly

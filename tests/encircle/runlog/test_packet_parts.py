@@ -96,3 +96,25 @@ def test_bytes_of_a_hunt_by_kind_add_up(tmp_path, monkeypatch, changes):
         part_bytes = found[f"sent_bytes_{kind}"]
         assert (part_bytes > 0.0) == (f"robot.detections={detections}" in changes)
         assert part_bytes == without[f"sent_bytes_{kind}"]
+
+
+def counted(packet):
+    """What the parts take: the length of a map of that part alone, without its head."""
+    body = msgpack.unpackb(packet, use_list=False)
+    return tuple(
+        len(msgpack.packb({name: body[name]})) - 1 if body.get(name) else 0
+        for name in ("say", "relayed", "estimate")
+    )
+
+
+TEXTS = ["say", "relayed", "estimate", "relayed \u0410", "hearsay", ""]
+
+
+@pytest.mark.parametrize("text", TEXTS)
+@pytest.mark.parametrize("relayed", [None, (), ("r2",), (("say", 1),)])
+@pytest.mark.parametrize("say", [None, {}, {"relayed": ()}, {"estimate": 1}])
+def test_names_of_parts_elsewhere_in_a_packet_mislead_nobody(text, relayed, say):
+    body = {"mode": text, "relayed": relayed, "say": say, "last": text}
+    for left_out in ((), ("relayed",), ("say",), ("relayed", "say")):
+        packet = msgpack.packb({k: v for k, v in body.items() if k not in left_out})
+        assert parts_bytes(packet) == counted(packet)
