@@ -17,6 +17,8 @@ give the same interval.
 
 import warnings
 from collections.abc import Callable
+from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +29,9 @@ CONFIDENCE = 0.95
 QUANTILE_UPPER = (1.0 + CONFIDENCE) / 2.0
 Z_UPPER = float(stats.norm.ppf(QUANTILE_UPPER))
 RESAMPLES = 2000
+BOOTSTRAP_SEED = 0
+KEPT_DRAWS_MAX = 4_000_000
+"""Up to so many draws of a bootstrap are kept for the next one of as many values."""
 ABSOLUTE_ROUNDING = 1e-12
 
 Floats = NDArray[np.float64]
@@ -152,7 +157,8 @@ def bootstrap_mean(values: ArrayLike, *, resamples: int = RESAMPLES) -> Interval
         return Interval(value)
     if np.ptp(defined) == 0.0:
         return Interval(value, value, value)
-    return Interval(value, *_bootstrap_bounds(defined, np.mean, resamples, "BCa"))
+    means = defined[_draws(defined.size, resamples)].mean(axis=-1)
+    return Interval(value, *_bootstrap_bounds(defined, np.mean, resamples, "BCa", means))
 
 
 def restricted_mean_time(ticks: ArrayLike, captured: ArrayLike, limit: float) -> Interval:
@@ -258,15 +264,36 @@ def checked_times(ticks: ArrayLike, captured: ArrayLike) -> tuple[Floats, Flags]
     return times, flags
 
 
+def _draws(count: int, resamples: int) -> NDArray[np.int64]:
+    """(R, S) which of ``count`` values each resample takes: scipy's draws from the fixed stream."""
+    kept = count * resamples <= KEPT_DRAWS_MAX
+    return _kept_draws(count, resamples) if kept else _kept_draws.__wrapped__(count, resamples)
+
+
+@lru_cache(maxsize=4)
+def _kept_draws(count: int, resamples: int) -> NDArray[np.int64]:
+    return np.random.default_rng(BOOTSTRAP_SEED).integers(0, count, (resamples, count))
+
+
 def _bootstrap_bounds(
-    values: NDArray[Any], statistic: Callable[..., Any], resamples: int, method: str
+    values: NDArray[Any],
+    statistic: Callable[..., Any],
+    resamples: int,
+    method: str,
+    distribution: Floats | None = None,
 ) -> tuple[float, float]:
-    """Bootstrap bounds by ``method``; where it gives none or infinite ones, plain percentiles."""
+    """Bootstrap bounds by ``method``; where it gives none or infinite ones, plain percentiles.
+
+    ``distribution``: (R,) the statistic of the resamples, if it is known.
+    """
     # numpy warns of infinite resamples, which are intended; scipy of missing bounds, which are
     # replaced below.
     with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)
-        how: dict[str, Any] = {"n_resamples": resamples, "method": method, "rng": 0}
+        how: dict[str, Any] = {"n_resamples": resamples, "method": method, "rng": BOOTSTRAP_SEED}
+        if distribution is not None:
+            known = SimpleNamespace(bootstrap_distribution=distribution)
+            how |= {"n_resamples": 0, "bootstrap_result": known}
         result = stats.bootstrap((values,), statistic, confidence_level=CONFIDENCE, **how)
     low, high = result.confidence_interval
     if not np.isfinite((low, high)).all():

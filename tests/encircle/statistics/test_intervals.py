@@ -368,3 +368,17 @@ def test_what_is_zero_but_for_rounding_is_shown_as_zero():
     noise = float(np.mean([0.1, 0.2, -0.3]))
     assert noise != 0.0
     assert Interval(noise, -0.03, 0.03).signed_text(100.0) == "+0 [-3, +3]"
+
+
+@pytest.mark.parametrize("kept_max", [0, statistics.KEPT_DRAWS_MAX])
+@pytest.mark.parametrize("count", [2, 3, 17, 100, 301])
+def test_the_bootstrap_of_a_mean_is_scipys_to_the_bit(monkeypatch, count, kept_max):
+    monkeypatch.setattr(statistics, "KEPT_DRAWS_MAX", kept_max)
+    rng = np.random.default_rng(count)
+    for values in (rng.exponential(size=count), rng.normal(1e3, 5.0, count), np.arange(count) % 3):
+        how = {"confidence_level": 0.95, "n_resamples": statistics.RESAMPLES, "rng": 0}
+        expected = stats.bootstrap((values,), np.mean, method="BCa", **how).confidence_interval
+        found = statistics.bootstrap_mean(values)
+        if np.isfinite(expected).all():  # else percentiles
+            assert (found.low, found.high) == expected
+        assert found.value == values.mean()
