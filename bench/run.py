@@ -207,7 +207,9 @@ def main() -> None:
     )
     widths = SIZES[:4] if options.quick else SIZES
     report["i_wide"] = [measured(n, 0.0, False, 1) for n in widths]
-    show("(i) ms a round by part and memory, by the size of the team", report["i_wide"])
+    columns = ("robots", "total_ms", "memory_mib", "recorded_kib")
+    rows = [{**{c: row[c] for c in columns}, **row["ms"]} for row in report["i_wide"]]
+    show("(i) ms a round, MiB, KiB a round, and ms by part, by the size of the team", rows)
     options.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     print(f"written to {options.json}")
 
