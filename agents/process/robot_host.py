@@ -11,6 +11,7 @@ of its process waiting, in lock-step.
 import gc
 import queue
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
@@ -30,6 +31,8 @@ from encircle.protocol.keys import parse_key, robot_key
 
 MAIL_MAX = 4096
 """How many messages may wait for a robot with a thread of its own; the others wait for room."""
+TOGETHER_S_MAX = 0.1
+"""How long a robot's answer may wait for those of others that share its process."""
 LOOK_S = 0.2
 """How often who waits there looks whether the connection is closed."""
 
@@ -89,17 +92,23 @@ class RobotHost:
         """Take in a message, or those of an envelope, and send the answers."""
         answers: list[tuple[str, bytes]] = []
         if key == self._observations_key:
+            began_s = time.monotonic()
             try:
                 for message in opened(OBSERVATIONS, payload, self._run):
                     answers += self._answers_to(*message)
+                    if time.monotonic() - began_s > TOGETHER_S_MAX:
+                        # Whom the world waits for long it asks again.
+                        self._send(answers)
+                        answers, began_s = [], time.monotonic()
             except ProtocolError as error:
                 # The first robot counts it: it is on its key.
                 for runs in list(self._living.values())[:1]:
                     runs.core.refuse(key, error)
         else:
             answers += self._answers_to(key, payload)
-        if not answers:
-            return
+        self._send(answers)
+
+    def _send(self, answers: list[tuple[str, bytes]]) -> None:
         for message in self._enclosed(answers) if self.encloses else answers:
             self._connection.send(*message)
 

@@ -20,6 +20,8 @@ from encircle.world.process.progress import (
 from encircle.world.process.reports import Reporter
 
 WATCH_PERIOD_S = 0.1
+ANSWERS_PAUSE_S = 0.5
+"""Nobody is asked again before no answer has come for so long."""
 
 
 class RunWatch:
@@ -45,6 +47,15 @@ class RunWatch:
         self._departures = departures
         self._report = report
         self._pace = pace
+        self._waiting = 0
+        self._answered_s = time.monotonic()
+
+    def _answers_come(self, now_s: float) -> bool:
+        """Whether answers have come a moment ago: who has many robots to answer for takes long."""
+        waiting = len(self._rounds.table.waiting())
+        if waiting != self._waiting:
+            self._waiting, self._answered_s = waiting, now_s
+        return now_s - self._answered_s < ANSWERS_PAUSE_S
 
     async def run(self) -> None:
         """Watch until cancelled."""
@@ -60,6 +71,7 @@ class RunWatch:
 
     def _look(self, now_s: float) -> None:
         tick, table = self._rounds.state.tick, self._rounds.table
+        answers_come = self._answers_come(now_s)
         if self._pace is not None and self._pace.holds and self._watch.rest(tick, now_s):
             # Nobody is waited for: the answers are there, or on their way.
             self._report({"waiting": []})
@@ -69,7 +81,7 @@ class RunWatch:
                 self._report_tick()
             case StillWaiting(answers, ask_again):
                 self._report({"waiting": table.waiting() if answers else []})
-                if ask_again:
+                if ask_again and not answers_come:
                     self._access.change(self._rounds.unanswered)
             case Overdue(answer_s_max):
                 detector = self._failure_detector
