@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from helpers_paths import DOCS
 from helpers_scenarios import scenario_of
-from helpers_swarm import play
+from helpers_swarm import play, swarm_scenario
 
 from encircle.replay.replaying import replay
 from encircle.runner import hunts
@@ -61,7 +61,7 @@ def broken_off(seed: int, recording: Path, into: Path) -> Path:
 def compare(seed: int, folder: Path, monkeypatch, capsys) -> None:
     """All ways that need one process."""
     out = folder / str(seed)
-    hunt = hunts.run(scenario_of(seed), link="memory", out=out)
+    hunt = hunts.run(swarm_scenario(seed), link="memory", out=out)
     recording = out / "recording.mcap"
     found = {
         "over bytes": play(seed, faults=False, order=1).digest,

@@ -159,7 +159,7 @@ def test_the_study_of_the_benchmark_has_its_page_beside_its_report(tmp_path, mon
     filled_study(tmp_path / "s", plan, lambda cell, _seed: cell % 7)
     answer = {"out": str(tmp_path / "s"), "failed": 0, "report": "r.html", "findings": []}
     answer |= {"runs": plan.runs, "cells": len(plan.cells), "ran": 0}
-    monkeypatch.setattr("encircle.studies.command.run_study", lambda _request: answer)
+    monkeypatch.setattr("encircle.studies.command.study_command.run_study", lambda _request: answer)
     assert main(["study", "benchmark"]) == 0
     assert f"page    {tmp_path / 's' / 'benchmark.html'}" in capsys.readouterr().out
     (tmp_path / "s" / "benchmark.html").unlink()

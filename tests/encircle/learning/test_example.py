@@ -168,7 +168,9 @@ def test_it_sees_the_numbers_where_the_layout_has_them():
 
 
 @pytest.mark.usefixtures("scene")
-def test_it_is_a_policy(capsys):
+def test_it_is_a_policy(capsys, monkeypatch):
+    # Workers that another test has started know no other folder by the environment.
+    monkeypatch.chdir(EXAMPLE)
     assert check_policy.main([NAME]) == 0, capsys.readouterr()
 
 
