@@ -92,9 +92,7 @@ def test_what_is_in_force_is_asked_anew_when_the_scenario_changes_the_radio(seen
     said = [taken(served.heard), taken(served.heard)]
     assert said == [{"radio": True}, {"intervene": {"kind": "heal"}}]
     served.send(control={"radio": {"own": OWN, "now": NONE | {"rate": 0.7}, "tick_s": 0.1}})
-    seen.page.wait_for_function(
-        "document.querySelector('output[for=control-loss]').value === '70 %'"
-    )
+    seen.until("document.querySelector('output[for=control-loss]').value === '70 %'")
     assert seen.complaints == []
 
 
