@@ -1,6 +1,7 @@
-"""What looking on costs a hunt: ``python bench/onlooking.py [ROUNDS] [REPEATS]``.
+"""What looking on costs a hunt: ``python bench/onlooking.py [ROUNDS] [REPEATS] [PACE]``.
 
-Hunts of four robots as processes, as fast as they can, one after the other in turns: with nobody
+Hunts of four robots as processes, as fast as they can or PACE times faster than real time, one
+after the other in turns: with nobody
 there and states alone published (as it was before viewers heard more), with nobody there, with
 ``encircle watch`` that shows the hunt, with one that is stopped (SIGSTOP), killed in mid-run, or
 whose page floods it. Prints one JSON object: medians of rounds per second, of the world's processor
@@ -77,11 +78,12 @@ def flood(address: str, over: threading.Event) -> None:
     IOLoop().run_sync(send)
 
 
-def hunt(arm: str, folder: Path) -> dict[str, Any]:
+def hunt(arm: str, folder: Path, pace: int | None) -> dict[str, Any]:
     """One hunt; what its world says of it."""
     endpoint = free_endpoint()
     code = WORLD.format(patch=WITHOUT_RADIO if arm == "states alone" else "")
     where = ("--listen", endpoint, "--run", "b", "--json")
+    where += () if pace is None else ("--pace", str(pace))
     world = start("-c", code, folder / "scenario.json", *where, stdout=-1, stderr=-3)
     viewer, over = None, threading.Event()
     if arm in ("shown", "stopped", "killed", "flooded"):
@@ -113,7 +115,7 @@ def hunt(arm: str, folder: Path) -> dict[str, Any]:
     return found
 
 
-def main(rounds: int = 1000, repeats: int = 3) -> None:
+def main(rounds: int = 1000, repeats: int = 3, pace: int | None = None) -> None:
     """Measure all arms in turns."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -121,7 +123,7 @@ def main(rounds: int = 1000, repeats: int = 3) -> None:
         found = {arm: [] for arm in ARMS}
         for repeat in range(repeats):
             for arm in ARMS if repeat % 2 == 0 else ARMS[::-1]:
-                found[arm].append(hunt(arm, folder))
+                found[arm].append(hunt(arm, folder, pace))
     print(
         json.dumps(
             {
