@@ -73,7 +73,7 @@ def draw(curves: dict[tuple[float, str], np.ndarray], band: tuple[float, float],
             panel.plot(np.arange(TICKS) * TICK_S, curves[loss, way], label=words, lw=1.2, **marks)
         panel.set(yscale="log", xlabel="time, s", title=f"{100 * loss:.0f} % loss")
     panels[0].set_ylabel("NEES, mean of 200 runs")
-    panels[0].legend(fontsize="small")
+    panels[0].legend(fontsize="small", loc="center right")
     figure.tight_layout()
     figure.savefig(file, dpi=110)
 

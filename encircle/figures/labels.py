@@ -88,7 +88,7 @@ def _legend_size_in(axes: Axes, handles: Sequence[Artist], columns: int) -> tupl
     """Width and height in inches that a legend with so many columns would have."""
     figure: Any = axes.figure
     renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
-    legend = axes.legend(handles=handles, ncols=columns)
+    legend = axes.legend(handles=handles, ncols=columns, loc="upper left")
     box = legend.get_window_extent(renderer)
     legend.remove()
     return box.width / figure.dpi, box.height / figure.dpi

@@ -6,6 +6,7 @@ from math import cos, dist, hypot, inf, pi, sin
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from matplotlib.legend import Legend
 from matplotlib.patches import Circle
 
 from encircle.agents.planning.ring import encirclement_points
@@ -202,6 +203,18 @@ def test_starts_are_labelled_in_trajectories(runs, shown, tmp_path):
     labels = [t for t in shown[0].axes[0].texts if t.get_text().startswith("$S")]
     assert [t.get_text() for t in labels] == ["$S_{1}$", "$S_{2}$", "$S_{3}$", "$S_{T}$"]
     assert [t.xy for t in labels] == [(-5.0, -1.0), (-6.0, 7.0), (9.0, -6.0), (0.0, 0.0)]
+
+
+def test_no_legend_is_searched_a_place_for_by_trial(runs, monkeypatch, tmp_path):
+    """Matplotlib's own search takes as long as much is drawn, and warns by the clock."""
+
+    def searched(*_):
+        raise AssertionError('a legend with loc="best"')
+
+    monkeypatch.setattr(Legend, "_find_best_position", searched)
+    recording = read_recording(runs("sim2"))
+    draw_trajectories(recording, tmp_path / "t.png")
+    draw_snapshots(recording, [0, 1, 2, 3], tmp_path / "s.png")
 
 
 def test_each_robots_sensing_range_is_its_own(shown, tmp_path):
