@@ -1,6 +1,7 @@
 """Several robots in one process: each a robot of its own, whatever becomes of the others."""
 
 import signal
+from collections import Counter
 
 import pytest
 from helpers_commands import ours
@@ -13,7 +14,9 @@ from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.protocol.zenoh.node_info import decode_info
 from encircle.protocol.zenoh.queries import query
 from encircle.protocol.zenoh.session import open_session
+from encircle.replay.replaying import replay
 from encircle.runner.launch import RunFailed
+from encircle.world.recording.recording import read_recording
 
 RADIO = [
     "seed=3",
@@ -22,16 +25,65 @@ RADIO = [
 ]
 
 
-@pytest.mark.parametrize("link_and_sharing", [("zenoh", 2), ("zenoh", 4)])
-def test_a_hunt_is_the_same_however_many_robots_share_a_process(link_and_sharing, tmp_path):
-    link, sharing = link_and_sharing
-    alone = encircle.run("sim1", link="memory", overrides=RADIO, out=tmp_path / "alone")
+MIXED = [
+    "ticks_max=40",
+    "target.step_m_max=0.6",
+    "team.strategy='auction'",
+    "team.robots.r1={step_m_max=0.1, sensing_range_m=3.0}",
+    "team.robots.r2.strategy='pursuit'",
+    "team.robots.r3={strategy='intents', radio_range_m=8.0, loss_rate=0.3}",
+    "channel.delay={model='gamma', mean_s=0.2, std_s=0.2}",
+    "sensing={noise_m_std=0.05, localisation_noise_m_std=0.1}",
+]
+
+
+def recorded(directory):
+    """All that was recorded, but for the name of the run."""
+    recording = read_recording(directory)
+    name = recording.run.encode()
+    return Counter((t, key, payload.replace(name, b"")) for t, key, payload in recording.messages)
+
+
+@pytest.mark.parametrize("sharing", [2, 3, 4])
+@pytest.mark.parametrize("changes", [RADIO, MIXED], ids=["radio", "mixed"])
+def test_a_hunt_is_the_same_however_many_robots_share_a_process(changes, sharing, tmp_path):
+    alone = encircle.run("sim1", link="memory", overrides=changes, out=tmp_path / "alone")
     shared = encircle.run(
-        "sim1", link=link, overrides=RADIO, robots_per_process=sharing, out=tmp_path / "shared"
+        "sim1", overrides=changes, robots_per_process=sharing, out=tmp_path / "shared"
     )
     assert shared.digest == alone.digest
     assert shared.result.refused == {}
-    assert shared.processes == 1 + 4 // sharing
+    assert shared.processes == 1 + -(-4 // sharing)
+    assert recorded(tmp_path / "shared") == recorded(tmp_path / "alone")
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8])
+def test_robots_that_share_a_process_go_on_with_a_run_that_broke_off(share, tmp_path):
+    alone = encircle.run("sim1", link="memory", overrides=MIXED, out=tmp_path / "alone")
+    whole = (tmp_path / "alone" / "recording.mcap").read_bytes()
+    (tmp_path / "cut").mkdir()
+    (tmp_path / "cut" / "recording.mcap").write_bytes(whole[: int(share * len(whole))])
+    assert encircle.resume(tmp_path / "cut", robots_per_process=2).digest == alone.digest
+    assert replay(tmp_path / "cut").same
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("together", [64, 128])
+def test_256_robots_capture_as_in_memory(together):
+    many = {
+        "ticks_max": 300,
+        "team": {
+            "robots": 256,
+            "radius_m": 0.1,
+            "sensing_range_m": 500.0,
+            "placement": {"distance_m_min": 5.0, "distance_m_max": 30.0},
+        },
+        "robot": {"assignment": "cyclic"},
+        "capture": {"count": 12},
+    }
+    alone = encircle.run(many, link="memory")
+    assert alone.result.captured
+    assert encircle.run(many, robots_per_process=together).result == alone.result
 
 
 def test_a_hunt_of_sixteen_in_one_process_is_that_in_memory():
