@@ -7,7 +7,6 @@ like any study. The published table is not run again: its runs have the same pub
 import json
 import re
 import shlex
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,14 +23,11 @@ from encircle.benchmark.tasks import POLICIES, STUDY, VERSION, submission_plan
 from encircle.bundles.contents import opened
 from encircle.bundles.findings import Verification
 from encircle.bundles.packing import pack
-from encircle.progress import Progress
-from encircle.protocol.process.interrupts import Interrupted, signals_held
 from encircle.protocol.process.log import say_error
+from encircle.studies.command.executing import run_shown
 from encircle.studies.plan import StudyError
 from encircle.studies.study import Study
 from encircle.studies.study_directory import OWNER_FILE
-from encircle.studies.workers import StudyFailed
-from encircle.world.loading.remarks import ScenarioRemark
 
 BUNDLE_FILE = f"{STUDY}-{VERSION}.zip"
 
@@ -71,7 +67,7 @@ def run_submission(request: Request) -> dict[str, Any]:
     plan = submission_plan(request.policy, name, request.seeds, request.policy_parameters)
     study = Study(plan, request.directory)
     _refuse_other_name(study.directory, name)
-    ran = _run(study, request.workers)
+    ran = run_shown(study, workers=request.workers)
     say_error(f"{name}: writing page and bundle")
     runs = read_runs(study.directory)
     written = write_submission_page(runs, request.command, study.directory)
@@ -208,27 +204,6 @@ def _refuse_other_name(directory: Path, name: str) -> None:
 
 def _slug(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "policy"
-
-
-def _run(study: Study, workers: int | None) -> int:
-    done = 0
-    with signals_held(), Progress(study.plan.name) as progress:
-
-        def tell(now: int, of: int) -> None:
-            nonlocal done
-            done = now
-            progress(now, of)
-
-        try:
-            with warnings.catch_warnings():
-                # The tasks are given, and nobody can act on remarks on them.
-                warnings.simplefilter("ignore", ScenarioRemark)
-                return study.run(workers=workers, progress=tell)
-        except Interrupted as error:
-            raise StudyFailed(
-                f"{error}; {done} of {study.plan.runs} runs are done, the same command goes on from"
-                " here"
-            ) from None
 
 
 def _as_dict(score: Score) -> dict[str, Any]:
