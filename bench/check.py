@@ -17,8 +17,12 @@ MARGIN = 1.5
 FASTER_IF_HIGHER = {
     "ratio_to_bare": "hunt over Zenoh / bare barrier",
     "ratio_to_mango": "hunt over Zenoh / mango's barrier",
+    "two_processes_ratio_to_bare": "robots in two processes / bare barrier",
+    "two_processes_ratio_to_mango": "robots in two processes / mango's barrier",
     "ratio_to_mpe2": "hunt in memory / MPE2's physics",
     "ratio_to_simple_tag": "learning environment / simple_tag",
+    "floor_over_alike": "64 robots with equal views / their assignments",
+    "floor_over_own": "64 robots with views of their own / their assignments",
     "scaling_one_to_two": "study with two workers / with one",
 }
 FASTER_IF_LOWER = {

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -66,18 +66,26 @@ def told(arguments: list[str], python: str = sys.executable) -> dict[str, float]
 
 
 def lock_step(robots: int, rounds: int, peers: str | None, tell: Tell) -> dict[str, Any]:
-    """(a) rounds per second of the hunt, of the bare barrier and of mango's."""
+    """(a) rounds per second of the hunt, of the bare barrier and of mango's.
+
+    The hunt twice: a process for each robot, and half of the robots in a process.
+    """
     sizes = message_sizes(robots)
-    hunts, bare, looped, mango = [], [], [], []
+    hunts, shared, bare, looped, mango = [], [], [], [], []
     for turn in range(TURNS):
         tell(turn, TURNS)
         numbers = [str(n) for n in (robots, rounds, *sizes)]
         barrier = [str(HERE / "barrier.py"), "world"]
         bare.append(told([*barrier, "robot", *numbers])["rounds_per_s"])
         looped.append(told([*barrier, "asyncio-robot", *numbers])["rounds_per_s"])
-        with tempfile.TemporaryDirectory() as scratch:
-            hunt = run(endless_hunt(robots, rounds), out=Path(scratch) / "run")
-        hunts.append(hunt.result.ticks / hunt.timing["rounds_s"])
+        for together, speeds in ((1, hunts), (robots // 2, shared)):
+            with tempfile.TemporaryDirectory() as scratch:
+                hunt = run(
+                    endless_hunt(robots, rounds),
+                    out=Path(scratch) / "run",
+                    robots_per_process=together,
+                )
+            speeds.append(hunt.result.ticks / hunt.timing["rounds_s"])
         if peers:
             script = str(HERE / "peers" / "mango_barrier.py")
             mango.append(told([script, str(robots), str(rounds)], peers)["rounds_per_s"])
@@ -87,12 +95,18 @@ def lock_step(robots: int, rounds: int, peers: str | None, tell: Tell) -> dict[s
         "hunt_rounds_per_s": median(hunts),
         "bare_rounds_per_s": median(bare),
         "bare_asyncio_rounds_per_s": median(looped),
-        "ratio_to_bare": median(h / b for h, b in zip(hunts, bare, strict=True)),
+        "ratio_to_bare": _median_ratio(hunts, bare),
+        "two_processes_rounds_per_s": median(shared),
+        "two_processes_ratio_to_bare": _median_ratio(shared, bare),
         "mango_rounds_per_s": median(mango) if mango else None,
-        "ratio_to_mango": median(h / m for h, m in zip(hunts, mango, strict=True))
-        if mango
-        else None,
+        "ratio_to_mango": _median_ratio(hunts, mango) if mango else None,
+        "two_processes_ratio_to_mango": _median_ratio(shared, mango) if mango else None,
     }
+
+
+def _median_ratio(speeds: Sequence[float], others: Sequence[float]) -> float:
+    """The median of the turns' ratios."""
+    return median(speed / other for speed, other in zip(speeds, others, strict=True))
 
 
 def in_memory(robots: int, ticks: int, peers: str | None, tell: Tell) -> dict[str, Any]:
