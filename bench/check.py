@@ -23,6 +23,8 @@ FASTER_IF_HIGHER = {
     "ratio_to_simple_tag": "learning environment / simple_tag",
     "floor_over_alike": "64 robots with equal views / their assignments",
     "floor_over_own": "64 robots with views of their own / their assignments",
+    "physics_over_alike": "64 robots with equal views / MPE2's physics",
+    "physics_over_own": "64 robots with views of their own / MPE2's physics",
     "scaling_one_to_two": "study with two workers / with one",
 }
 FASTER_IF_LOWER = {
