@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from encircle.protocol.process.interrupts import Interrupted
     from encircle.runner.hunts import Hunt, resume, run
     from encircle.runner.interventions import Interventions
-    from encircle.runner.launch import RunFailed, Timeouts
+    from encircle.runner.launch import Timeouts
+    from encircle.runner.testimony import RunFailed
     from encircle.studies.plan import StudyError
     from encircle.studies.study import Study
     from encircle.studies.workers import StudyFailed
@@ -61,7 +62,8 @@ __all__ = [
 _MODULE_OF = {
     **dict.fromkeys(("Decision", "Peer", "Policy", "View"), "encircle.agents.policies.interface"),
     **dict.fromkeys(("Hunt", "resume", "run"), "encircle.runner.hunts"),
-    **dict.fromkeys(("RunFailed", "Timeouts"), "encircle.runner.launch"),
+    "RunFailed": "encircle.runner.testimony",
+    "Timeouts": "encircle.runner.launch",
     **dict.fromkeys(("ScenarioRemark", "remarks_on"), "encircle.world.loading.remarks"),
     **dict.fromkeys(("Behaviour", "TargetView"), "encircle.world.targets.behaviours"),
     "Interrupted": "encircle.protocol.process.interrupts",

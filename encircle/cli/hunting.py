@@ -15,7 +15,8 @@ from encircle.network.transport_tables import LINKS_SHOWN_MAX, print_transport_r
 from encircle.protocol.process.interrupts import Interrupted, exit_message, signals_held, signals_to
 from encircle.protocol.process.log import say, say_error
 from encircle.runner.hunts import Hunt, check_link, check_pace, default_directory, resume, run
-from encircle.runner.launch import RunFailed, Timeouts
+from encircle.runner.launch import Timeouts
+from encircle.runner.testimony import RunFailed
 from encircle.world.loading.files import shipped
 from encircle.world.loading.load import load
 from encircle.world.loading.remarks import ScenarioRemark, remarks_on

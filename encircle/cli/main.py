@@ -121,7 +121,7 @@ def _failure(error: BaseException) -> tuple[int, str] | None:
     from encircle.protocol.plugins import PluginFailed
     from encircle.protocol.process.interrupts import Interrupted
     from encircle.protocol.process.tracebacks import failure_line
-    from encircle.runner.launch import RunFailed
+    from encircle.runner.testimony import RunFailed
     from encircle.viewer.addresses import ServerFailed
     from encircle.world.recording.run_directory import RunDirectoryError
     from encircle.world.scenario.errors import ScenarioError

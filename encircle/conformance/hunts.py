@@ -21,7 +21,7 @@ from encircle.protocol.plugins import PluginFailed
 from encircle.protocol.wire.limits import SAY_BYTES_MAX
 from encircle.replay.replaying import replay
 from encircle.runner.hunts import resume, run
-from encircle.runner.launch import RunFailed
+from encircle.runner.testimony import RunFailed
 from encircle.world.loading.remarks import ScenarioRemark
 from encircle.world.recording.run_directory import RunDirectoryError
 from encircle.world.scenario.model import Scenario

@@ -297,8 +297,8 @@ def _in_memory(
     onlooker: "HuntOnlooker | None" = None,
     trails: "Trails | None" = None,
 ) -> tuple[Result, dict[str, Any], int]:
-    from encircle.runner.launch import RunFailed
     from encircle.runner.memory import RunEndedByPlugin, run_in_memory
+    from encircle.runner.testimony import RunFailed
     from encircle.world.arena.engine import build
 
     arena = build(scenario, scenario.seed)

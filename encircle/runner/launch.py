@@ -10,7 +10,6 @@ started anew.
 import asyncio
 import json
 import os
-import signal
 import socket
 import time
 from collections.abc import Callable, Sequence
@@ -20,24 +19,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from encircle.protocol.endings import failure_of, is_failure
+from encircle.protocol.endings import is_failure
 from encircle.protocol.process.interrupts import signals_to
 from encircle.protocol.process.log import KINDS_VARIABLE, LineKind, kind_and_text, printable
 from encircle.protocol.programs.options import without_settings
 from encircle.runner.interventions import Interventions
 from encircle.runner.nodes import Node, NodesLost, abandon, fork_server
 from encircle.runner.onlooking import HuntOnlooker
+from encircle.runner.testimony import RunFailed, Testimony
 from encircle.world.coordinator.result import Result
-from encircle.world.scenario.errors import ScenarioError
 
 STOP_S_MAX = 3.0
 SILENCE_S_MAX = 6.0
 FAILURE_GRACE_S = 1.0
-BAD_CONFIGURATION = 2
 OUTPUT_LINE_BYTES_MAX = 1024 * 1024
-ERROR_LINES_MAX = 200
-ENDING = (LineKind.PROBLEM, LineKind.PLUGIN)
-"""Lines that may tell why a process has ended."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,17 +53,6 @@ class Timeouts:
 
 
 TIMEOUTS = Timeouts()
-
-
-class RunFailed(Exception):
-    """A run that did not come to its end; the message says in one line what happened.
-
-    ``resumable``: it broke off, so that what was recorded of it may be gone on with.
-    """
-
-    def __init__(self, reason: str, resumable: bool = False) -> None:
-        super().__init__(reason)
-        self.resumable = resumable
 
 
 def free_endpoint() -> str:
@@ -150,11 +134,10 @@ class _Launch:
         self._reports: asyncio.StreamReader | None = None
         self.result: dict[str, Any] | None = None
         self.tick = 0
-        self.errors: dict[str, list[tuple[LineKind, str]]] = {}
+        self.testimony = Testimony(self.robots_in, self.processes)
         self.interrupted = ""
         self._interrupted = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self.failed: list[str] = []
         self.failure_due_s: dict[str, float] = {}
         self.begun = False
         self.silent = False
@@ -326,14 +309,14 @@ class _Launch:
         """
         now_s = time.monotonic()
         for name, process in self.processes.items():
-            if process.returncode and name not in self.failed:
-                self.failed.append(name)
+            if process.returncode and name not in self.testimony.failed:
+                self.testimony.failed.append(name)
                 self.failure_due_s[name] = now_s + FAILURE_GRACE_S * (process.returncode > 0)
         if not self.begun or self._has_ended("world") or self.interrupted:
             self.failure_due_s.clear()
         for name in [name for name, due_s in self.failure_due_s.items() if now_s >= due_s]:
             del self.failure_due_s[name]
-            self.report({"log": self._robot_ending(name)})
+            self.report({"log": self.testimony.robot_ending(name)})
 
     async def _read_reports(self) -> None:
         assert self._reports is not None
@@ -348,15 +331,13 @@ class _Launch:
             self.report(report)
 
     async def _read_errors(self, name: str) -> None:
-        kept = self.errors.setdefault(name, [])
         async for line in self._errors[name]:
             kind, text = kind_and_text(line.decode(errors="replace").rstrip())
             text = printable(text)
-            if len(kept) < ERROR_LINES_MAX:
-                kept.append((kind, text))
-                # What happens to robots the world reports, but not what happens in them.
-                if kind is LineKind.REFUSAL or (kind is LineKind.EVENT and name != "world"):
-                    self.report({"log": text})
+            # What happens to robots the world reports, but not what happens in them.
+            told = kind is LineKind.REFUSAL or (kind is LineKind.EVENT and name != "world")
+            if self.testimony.keep(name, kind, text) and told:
+                self.report({"log": text})
 
     def stopped(self) -> RunFailed:
         """The error of a run that was interrupted."""
@@ -393,93 +374,12 @@ class _Launch:
 
     def _outcome(self) -> tuple[Result, dict[str, Any]]:
         """The result, or ``RunFailed`` with the one line that says what happened first."""
-        if self.result is None:
-            if self.processes["world"].returncode == BAD_CONFIGURATION:
-                raise ScenarioError(self._first_failure())
-            raise RunFailed(self._first_failure(), resumable=self.begun)
-        timing = ("rounds_s", "joined_s", "begun_unix_s", "real_time")
-        extra = {key: self.result.pop(key) for key in timing if key in self.result}
-        distances_m = tuple(self.result.pop("distances_m"))
-        departures = tuple((t, robot, what) for t, robot, what in self.result.pop("departures"))
-        interventions = tuple(self.result.pop("interventions"))
-        result = Result(
-            distances_m=distances_m,
-            departures=departures,
-            interventions=interventions,
-            **self.result,
-        )
-        if (reason := failure_of(result.ended)) is not None:
-            if failure := self._failure_of_plugins():
-                # Its world waits where it was, but the same would happen again.
-                raise RunFailed(failure)
-            if not self.begun and self.failed and self.failed[0] != "world":
-                # The world can only say that it was stopped, or who did not come.
-                raise RunFailed(self._first_failure())
-            how = [
-                f" ({_ending(p.returncode)})"
-                for name, p in self.processes.items()
-                if p.returncode
-                and any(reason.startswith(f"robot {r} ") for r in self.robots_in.get(name, ()))
-            ]
-            raise RunFailed(reason + "".join(how), resumable=self.begun)
-        return result, extra
-
-    def _failure_of_plugins(self) -> str:
-        """The line that tells of a plug-in that failed, in the world or in robots, if one has."""
-        if of_world := self._lines("world", LineKind.PLUGIN):
-            return of_world[-1].removeprefix("world: ")
-        of_robots = {
-            robot: lines[-1].removeprefix(f"robot {robot}: ")
-            for name, robots in self.robots_in.items()
-            for robot in robots
-            if (lines := self._lines_of(robot, name))
-        }
-        first, *others = of_robots or [""]
-        # As a rule robots with the same policy fail at the same tick.
-        return of_robots.get(first, "") + (f"; likewise {', '.join(others)}" if others else "")
-
-    def _lines_of(self, robot: str, name: str) -> list[str]:
-        """The lines of plug-ins that failed in one of the robots of a process."""
-        lines = self._lines(name, LineKind.PLUGIN)
-        if self.robots_in[name] == (robot,):
-            return lines
-        return [line for line in lines if line.startswith(f"robot {robot}: ")]
-
-    def _lines(self, name: str, *kinds: LineKind) -> list[str]:
-        return [text for kind, text in self.errors.get(name, ()) if kind in kinds]
-
-    def _first_failure(self) -> str:
-        """Why there is no result at all: what the first process to fail said, or how it ended."""
-        if self.silent:
+        if self.result is None and self.silent:
             s_max = self.timeouts.silence_s_max
-            return f"the world has said nothing for {s_max:g} s at tick {self.tick}"
-        name = "world" if self.begun or not self.failed else self.failed[0]
-        own_lines = self._lines(name, *ENDING)
-        status = self.processes[name].returncode
-        if name == "world" and status is not None and status < 0:
-            return f"the world {_ending(status)} at tick {self.tick}"
-        if name == "world":
-            # A configuration error has several lines, each of which helps.
-            return "\n".join(own_lines) or f"the world {_ending(status)} at tick {self.tick}"
-        return self._robot_ending(name)
-
-    def _robot_ending(self, name: str) -> str:
-        """How a robot's process ended; if by itself, with the last that it said, as of an error."""
-        own_lines = self._lines(name, *ENDING)
-        status = self.processes[name].returncode
-        last = (
-            f": {own_lines[-1] if own_lines else 'it said nothing'}"
-            if status and status > 0
-            else ""
-        )
-        return f"robot {', '.join(self.robots_in[name])} {_ending(status)}{last}"
+            silence = f"the world has said nothing for {s_max:g} s at tick {self.tick}"
+            raise RunFailed(silence, resumable=self.begun)
+        return self.testimony.outcome(self.result, self.begun, self.tick)
 
 
 def _has_failed(task: "asyncio.Task[None]") -> bool:
     return task.done() and task.exception() is not None
-
-
-def _ending(status: int | None) -> str:
-    if status is not None and status < 0:
-        return f"was killed by {signal.Signals(-status).name}"
-    return f"ended with status {status}"

@@ -23,7 +23,8 @@ from encircle.protocol.keys import robot_key
 from encircle.protocol.messages import Command, CommandMode, Setup
 from encircle.protocol.plugins import InvalidPluginResult, PluginFailed
 from encircle.replay.replaying import replay
-from encircle.runner.launch import RunFailed, free_endpoint
+from encircle.runner.launch import free_endpoint
+from encircle.runner.testimony import RunFailed
 from encircle.world.arena.engine import build
 from encircle.world.coordinator.world_core import WorldCore
 from encircle.world.loading.load import load

@@ -25,7 +25,7 @@ from encircle.protocol.messages import CommandMode, Pose, Setup
 from encircle.protocol.plugin_files import FOLDERS, FileProblem, function_in_file, source_digest
 from encircle.protocol.plugins import policy_source
 from encircle.replay.replaying import replay
-from encircle.runner.launch import RunFailed
+from encircle.runner.testimony import RunFailed
 from encircle.world.recording.recording import RecordingError, read_recording
 from encircle.world.scenario.errors import ScenarioError
 

@@ -22,7 +22,8 @@ from encircle.protocol.zenoh.connection import ZenohConnection
 from encircle.protocol.zenoh.endpoints import Endpoints
 from encircle.replay.replaying import replay
 from encircle.runner import launch
-from encircle.runner.launch import RunFailed, free_endpoint
+from encircle.runner.launch import free_endpoint
+from encircle.runner.testimony import RunFailed
 from encircle.world.recording.recording import read_recording
 
 PAPER = ("sim1", "sim2", "sim3", "sim4", "sim5")

@@ -15,7 +15,7 @@ from encircle.protocol.zenoh.node_info import decode_info
 from encircle.protocol.zenoh.queries import query
 from encircle.protocol.zenoh.session import open_session
 from encircle.replay.replaying import replay
-from encircle.runner.launch import RunFailed
+from encircle.runner.testimony import RunFailed
 from encircle.world.recording.recording import read_recording
 
 RADIO = [
