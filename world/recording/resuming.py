@@ -76,7 +76,7 @@ class _ReplayedCore(WorldCore):
     """A world that is fed with a recording. ``rounds_to_play``: what is recorded of each tick.
 
     Rounds in which no robot takes part follow each other at once: what was given by hand in one of
-    them is given while it is open.
+    them is given while it is open, and who is set up in the next one is present by then.
     """
 
     rounds_to_play: Mapping[int, _Round] = MappingProxyType({})
@@ -84,7 +84,10 @@ class _ReplayedCore(WorldCore):
     def ask(self) -> list[Observation]:
         observations = super().ask()
         if not observations and self.ended is None:
-            _intervene(self, self.rounds_to_play.get(self.state.tick, _Round()))
+            tick = self.state.tick
+            _intervene(self, self.rounds_to_play.get(tick, _Round()))
+            for robot in self.rounds_to_play.get(tick + 1, _Round()).back:
+                self.join(robot)
         return observations
 
 
