@@ -1,7 +1,9 @@
 """Where the time of a round over Zenoh goes: ``python bench/round_parts.py 4``.
 
 First the work alone, in one process and with nothing to wait for: what the world's and one robot's
-core take per round, codec included. Then the processor time per round of the real processes.
+core take per round, codec included. Then the same work after something else has gone through the
+processor's caches, before each half of a round, as other processes do between two messages. Then
+the processor time per round of the real processes.
 """
 
 import sys
@@ -9,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from scenarios import endless_hunt
 
 from encircle.agents.brain.robot_core import RobotCore
@@ -21,8 +24,15 @@ TICKS_PER_S = 100  # of the kernel's accounting, in /proc
 NAME = "bench"
 
 
-def alone(robots: int, rounds: int) -> tuple[float, float]:
-    """Microseconds per round of the world's core and of one robot's."""
+ELSEWHERE = np.ones(8 * 1024 * 1024, dtype=np.uint8)
+"""More than a core's own caches hold."""
+
+
+def alone(robots: int, rounds: int, cold: bool = False) -> tuple[float, float]:
+    """Microseconds of processor time per round of the world's core and of one robot's.
+
+    ``cold``: whether the caches hold something else when either begins.
+    """
     arena = engine.build(load(endless_hunt(robots, rounds)), 1)
     world = WorldCore(arena, NAME)
     cores = {robot: RobotCore(robot, NAME) for robot in arena.ids}
@@ -31,14 +41,21 @@ def alone(robots: int, rounds: int) -> tuple[float, float]:
             core.receive(key, payload)
     asked, world_s, robots_s = world.begin(), 0.0, 0.0
     while world.ended is None:
-        begun = time.perf_counter()
+        _elsewhere(cold)
+        begun = time.thread_time()
         answers = [a for key, p in asked for a in cores[key.split("/")[3]].receive(key, p)]
-        answered = time.perf_counter()
+        robots_s += time.thread_time() - begun
+        _elsewhere(cold)
+        begun = time.thread_time()
         asked = [message for key, p in answers for message in world.receive(key, p)]
         world.rounds.commit()
-        robots_s += answered - begun
-        world_s += time.perf_counter() - answered
+        world_s += time.thread_time() - begun
     return world_s / rounds * 1e6, robots_s / rounds / robots * 1e6
+
+
+def _elsewhere(cold: bool) -> None:
+    if cold:
+        ELSEWHERE.sum()
 
 
 def as_processes(robots: int, rounds: int) -> dict[str, float]:
@@ -65,7 +82,8 @@ def as_processes(robots: int, rounds: int) -> dict[str, float]:
 
 if __name__ == "__main__":
     team = int(sys.argv[1]) if len(sys.argv) > 1 else 4
-    world_us, robot_us = alone(team, 2400 // team)
-    print(f"alone: world {world_us:.0f} us, each robot {robot_us:.0f} us per round")
+    for how, cold in (("alone", False), ("alone, caches cold", True)):
+        world_us, robot_us = alone(team, 2400 // team, cold)
+        print(f"{how}: world {world_us:.0f} us, each robot {robot_us:.0f} us per round")
     for name, used_us in as_processes(team, 12_000 // team).items():
         print(f"as processes: {name} {used_us:.0f} us per round")
