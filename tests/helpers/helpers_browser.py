@@ -79,9 +79,9 @@ class SeenPage:
         return self.until("encircle.state().ready")
 
     def until(self, condition: str) -> "SeenPage":
-        """Wait until an expression of the page's is true."""
+        """Wait until an expression of the page's is true, and what comes of it is drawn."""
         self.page.wait_for_function(f"() => window.encircle && ({condition})")
-        return self
+        return self.drawn()
 
     def state(self) -> dict[str, Any]:
         """What the page says that it shows."""

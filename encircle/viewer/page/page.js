@@ -2,11 +2,11 @@
 
 window.encircle is the page for scripts and tests:
 
-  state()        what is shown: ready, run, title, live, connection, notice, tick, time, last_tick,
-                 playing, following, speed, selected (a name or null), theme, large_type, layers,
-                 view, captured, outcome, fates (counts of packets sent before the tick), events
-                 (how many), belief (errors in m of the picked robot's picture, or null),
-                 packets_drawn
+  state()        what is shown: ready (the run has been drawn), run, title, live, connection, notice,
+                 tick, time, last_tick, playing, following, speed, selected (a name or null), theme,
+                 large_type, layers, view, captured, outcome, fates (counts of packets sent before
+                 the tick), events (how many), belief (errors in m of the picked robot's picture, or
+                 null), packets_drawn; what was asked for last is drawn at the next frame
   seek(tick)     goes to a tick, or the nearest that there is
   play(), pause()
   select(name)   shows the world as this robot believes it; null: the truth
@@ -35,7 +35,7 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
   const source = page.sourceOf(() => model.position());
   let connection = "connecting";
   let packetsDrawn = 0;
-  let begunVersion = -1;
+  let [begunVersion, drawnVersion] = [-1, -1];
   let [scheduled, before, shownKey] = [false, null, ""];
 
   const acts = {
@@ -155,6 +155,7 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     events.update(model, tick);
     charts.update(model, tick, view.moment);
     showBeliefWords();
+    drawnVersion = model.version;
     if (!player.moving) canvas.setAttribute("aria-label", page.arenaWords(model.stage, view.moment.frame));
   }
 
@@ -240,7 +241,7 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     const counts = stage ? [...model.fateCounts(player.tick)] : [];
     const frame = model.frameAt(player.tick);
     return {
-      ready: Boolean(stage && frame), run: stage && stage.run, title: stage && stage.title,
+      ready: drawnVersion === model.version, run: stage && stage.run, title: stage && stage.title,
       live: source.live, connection, notice: notice && notice.text,
       tick: player.tick, time: player.time, last_tick: model.lastTick,
       playing: player.playing, following: player.following, speed: player.speed,

@@ -65,6 +65,23 @@ def test_a_file_shows_the_run_without_a_network(page_of):
     seen.until("document.querySelectorAll('#charts .bk-Figure').length === 6")
 
 
+def test_it_is_ready_only_when_the_run_is_drawn(new_page, tmp_path):
+    (tmp_path / "run.html").write_text(page_html(scene()), encoding="utf-8")
+    seen = new_page(offline=True)
+    seen.page.add_init_script(
+        "const draw = requestAnimationFrame; const asked = [];"
+        "window.requestAnimationFrame = (act) => asked.push(act);"
+        "window.letDraw = () => { window.requestAnimationFrame = draw; asked.forEach(draw); };"
+    )
+    seen.page.goto((tmp_path / "run.html").as_uri())
+    state = seen.state()
+    assert (state["title"], state["ready"]) == ("Simulation 1: four robots", False)
+    assert seen.text("#title") == "Encircle"
+    seen.page.evaluate("letDraw()")
+    assert seen.drawn().state()["ready"]
+    assert seen.text("#title") == "Simulation 1: four robots"
+
+
 def test_the_slider_reaches_the_capture(page_of):
     shown = scene()
     capture = shown.frames[-1]
