@@ -85,34 +85,28 @@ def encode(message: Message, run: str) -> bytes:
     return payload
 
 
-def encode_any_length(message: Message, run: str) -> bytes:
-    """As ``encode``, of any length: a message that its sender packed differently may be longer."""
+def encode_any_length(message: Message, run: str, **instead: Any) -> bytes:
+    """As ``encode``, of any length: a message that its sender packed differently may be longer.
+
+    ``instead``: values of fields that are written in place of its own.
+    """
     layout = _LAYOUTS[type(message)]
     values = layout.values(message)
+    if instead:
+        values = tuple([instead.get(k, v) for k, v in zip(layout.names[2:], values, strict=True)])
     count = len(layout.always) - VERSION_AND_RUN_FIELDS
-    if values[count:] == layout.default_values:
-        # As most are. A map is packed as the list of its names and values in turn is, after the
-        # header, and that takes half the time.
-        in_turn = [*layout.names_in_turn]
-        in_turn[1::2] = values[:count]
-        packed: bytes = msgpack.packb(in_turn)
-        header = _headers(type(message), run)[0]  # type: ignore[arg-type]  # types are hashable
-        return header + packed[layout.list_header_bytes :]
-    body = dict(zip(layout.names, (VERSION, run, *values), strict=True))
-    for name, default in layout.defaults.items():
-        if body[name] == default:
-            del body[name]
-    payload: bytes = msgpack.packb(body)
-    return payload
-
-
-def encode_without_inbox(observation: Observation, run: str) -> bytes:
-    """The observation's bytes as they would be if its inbox were empty."""
-    layout = _LAYOUTS[Observation]
-    body = dict(zip(layout.names, (VERSION, run, *layout.values(observation)), strict=True))
-    body["inbox"] = ()
-    payload: bytes = msgpack.packb(body)
-    return payload
+    # A map is packed as the list of its names and values in turn is, after the header, and that
+    # takes half the time.
+    in_turn = [*layout.names_in_turn]
+    in_turn[1::2] = values[:count]
+    packed: bytes = msgpack.packb(in_turn)
+    parts = [packed[layout.list_header_bytes :]]
+    if values[count:] != layout.default_values:
+        for (name, default), value in zip(layout.defaults.items(), values[count:], strict=True):
+            if value != default:
+                parts.append(msgpack.packb(name) + msgpack.packb(value))
+    headers = _headers(type(message), run)  # type: ignore[arg-type]  # types are hashable
+    return headers[len(parts) - 1] + b"".join(parts)
 
 
 def body_of(payload: bytes, run: str) -> bytes:

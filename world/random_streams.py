@@ -52,9 +52,9 @@ def uniforms(seed: int, purpose: Purpose, tick: int, count: int) -> NDArray[np.f
 
 
 def normal_pairs(seed: int, purpose: Purpose, tick: int, count: int) -> NDArray[np.float64]:
-    """(N, 2) standard normal draws, two for each robot; those of the first are any team's."""
-    draws = np.maximum(uniforms(seed, purpose, tick, 2 * count), DRAW_MIN)
-    drawn: NDArray[np.float64] = ndtri(draws).reshape(count, 2)
+    """(N, 2) standard normal draws, two a robot, those of the first any team's; read-only."""
+    ticks = block_ticks(2 * count)
+    drawn: NDArray[np.float64] = _normal_block(seed, purpose, tick // ticks, count)[tick % ticks]
     return drawn
 
 
@@ -67,7 +67,7 @@ def _link_indices(robots: int) -> NDArray[np.intp]:
 
 def link_uniforms(seed: int, purpose: Purpose, tick: int, robots: int) -> NDArray[np.float64]:
     """(N, N) draws, one per directed link [sender, receiver]; read-only."""
-    ticks = block_ticks(robots)
+    ticks = block_ticks(robots**2)
     drawn: NDArray[np.float64] = _link_block(seed, purpose, tick // ticks, robots)[tick % ticks]
     return drawn
 
@@ -78,25 +78,39 @@ def pair_uniforms(seed: int, purpose: Purpose, tick: int, robots: int) -> NDArra
     return upper + np.triu(upper, 1).T
 
 
-def block_ticks(robots: int) -> int:
-    """How many ticks of links' draws are worth making at once; says nothing of what they are."""
-    return max(1, min(BLOCK_TICKS_MAX, BLOCK_DRAWS_MAX // robots**2))
+def block_ticks(draws: int) -> int:
+    """How many ticks of so many draws are worth making at once; says nothing of what they are."""
+    return max(1, min(BLOCK_TICKS_MAX, BLOCK_DRAWS_MAX // draws))
 
 
 def link_block(seed: int, purpose: Purpose, block: int, robots: int) -> NDArray[np.float64]:
     """(T, N, N) the draws of a block's T = ``block_ticks`` ticks, each as in ``uniforms``."""
-    ticks = block_ticks(robots)
+    drawn = _block(seed, purpose, block, robots**2)[:, _link_indices(robots)]
+    drawn.setflags(write=False)
+    return drawn
+
+
+@lru_cache(maxsize=16)
+def _normal_block(seed: int, purpose: Purpose, block: int, count: int) -> NDArray[np.float64]:
+    """(T, N, 2) standard normal draws of a block's ticks."""
+    draws = _block(seed, purpose, block, 2 * count)
+    drawn: NDArray[np.float64] = ndtri(np.maximum(draws, DRAW_MIN))
+    drawn.setflags(write=False)
+    return drawn.reshape(-1, count, 2)
+
+
+def _block(seed: int, purpose: Purpose, block: int, count: int) -> NDArray[np.float64]:
+    """(T, count) the draws of a block's ticks, each as in ``uniforms``."""
+    ticks = block_ticks(count)
     # To make a generator costs as much as some hundred draws; to set its counter, far less.
     bits = np.random.Philox(key=np.array((seed, purpose), dtype=np.uint64))
     state, generator = bits.state, np.random.Generator(bits)
-    draws = np.empty((ticks, robots * robots))
+    draws = np.empty((ticks, count))
     for k in range(ticks):
         state["state"]["counter"][:] = (0, 0, block * ticks + k, 0)
         bits.state = state
         generator.random(out=draws[k])
-    drawn = draws[:, _link_indices(robots)]
-    drawn.setflags(write=False)
-    return drawn
+    return draws
 
 
 _link_block = lru_cache(maxsize=16)(link_block)

@@ -6,7 +6,7 @@ a collision. No clock, no connection, no log, no random draw. ``perceive`` and `
 comes before and after the decision, for a caller who decides himself.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import hypot
@@ -28,6 +28,10 @@ from encircle.protocol.messages import Command, Observation, Point, Pose, quanti
 from encircle.protocol.parameters import Parameters
 from encircle.protocol.plugins import STRATEGIES, PluginFailed
 from encircle.protocol.wire.payload import NOTHING_SAID, FrozenMap
+
+NOTHING_REFUSED: Mapping[str, int] = FrozenMap()
+LATE_DETECTION = "late-detection"
+"""What a command counts detections and estimates as that came too late for the filter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,16 +114,20 @@ class Perception(NamedTuple):
 
 
 def step(
-    state: BrainState, observation: Observation, packets: Sequence[Pose], config: RobotConfig
+    state: BrainState,
+    observation: Observation,
+    packets: Sequence[Pose],
+    config: RobotConfig,
+    refused: Mapping[str, int] = NOTHING_REFUSED,
 ) -> tuple[BrainState, Action]:
     """One tick.
 
     ``packets``: the decoded inbox, in any order; senders, and origins of what they relay, are in
-    ``config.team``. Raises ``PluginFailed`` if the policy fails.
+    ``config.team``. ``refused``: as in ``act``. Raises ``PluginFailed`` if the policy fails.
     """
     perception = perceive(state, observation, packets, config)
     memory, decision = decide(state.memory, perception.view, config)
-    return act(perception, memory, decision, config)
+    return act(perception, memory, decision, config, refused)
 
 
 def perceive(
@@ -185,11 +193,16 @@ def perceive(
 
 
 def act(
-    perception: Perception, memory: Any, decision: Decision, config: RobotConfig
+    perception: Perception,
+    memory: Any,
+    decision: Decision,
+    config: RobotConfig,
+    refused: Mapping[str, int] = NOTHING_REFUSED,
 ) -> tuple[BrainState, Action]:
     """The second half: what a decision, one that ``validated`` has returned, comes to.
 
-    ``memory``: what the policy remembers.
+    ``memory``: what the policy remembers. ``refused``: how many messages the robot has refused so
+    far, by cause; the command tells it, with what came too late for the filter.
     """
     state, observation, missed_ticks, seen, view, peers, track, lost, newest, search = perception
     (x, y), estimate, tick = observation.position, view.target, observation.tick
@@ -216,6 +229,7 @@ def act(
         if len(view.members) == len(config.team)
         else tuple([config.team[index] for index in view.members]),
         pose is not None,
+        {**refused, LATE_DETECTION: track.dropped} if track.dropped else refused,
     )
     goal = None if decision.point is None else command.goal
     receiver_model = next_receiver_model(

@@ -184,7 +184,7 @@ class RobotCore:
         """Answer an observation; raises as ``check``, or ``PluginFailed`` if the policy fails."""
         self.check(observation)
         state, packets, config = self._begin(observation)
-        self.state, action = brain.step(state, observation, packets, config)
+        self.state, action = brain.step(state, observation, packets, config, self._refused_so_far())
         return self._finished(action)
 
     def perceive(self, observation: Observation) -> brain.Perception:
@@ -214,7 +214,9 @@ class RobotCore:
     ) -> brain.Action:
         """The second half: what a valid decision comes to; the policy will remember ``memory``."""
         assert self.config is not None, "it has perceived"
-        self.state, action = brain.act(perception, memory, decision, self.config)
+        self.state, action = brain.act(
+            perception, memory, decision, self.config, self._refused_so_far()
+        )
         return self._finished(action)
 
     def _begin(
@@ -229,15 +231,12 @@ class RobotCore:
         return self.state, packets, self.config
 
     def _finished(self, action: brain.Action) -> brain.Action:
-        """An action, with what was refused so far in its command."""
-        assert self.state is not None, "it has decided"
         self.mode = action.command.mode
-        counts = dict(sorted(self.refused.items())) if self.refused else {}
-        if self.state.track.dropped:
-            counts["late-detection"] = self.state.track.dropped
-        if counts:
-            return action._replace(command=replace(action.command, refused=counts))
         return action
+
+    def _refused_so_far(self) -> Mapping[str, int]:
+        """How many messages were refused so far, by cause; a copy, in the order of the causes."""
+        return dict(sorted(self.refused.items())) if self.refused else brain.NOTHING_REFUSED
 
     def _packets_of(self, observation: Observation, indices: Mapping[str, int]) -> list[Pose]:
         """The packets in an observation's inbox that can be from peers; others are refused."""

@@ -62,13 +62,16 @@ class WorldWatch:
         self._join_s_max = join_s_max
         self._world_s_max = world_s_max
         self._loop = asyncio.get_running_loop()
-        self._wait_timer: asyncio.TimerHandle | None = None
+        self._admission_timer: asyncio.TimerHandle | None = None
+        self._return_timer: asyncio.TimerHandle | None = None
         self._silence_timer: asyncio.TimerHandle | None = None
         self._gone = False
 
     def await_admission(self) -> None:
         """Give up unless the world sends something acceptable in time."""
-        self._begin_wait(self._join_s_max, partial(self._check_admitted, self._runs.accepted))
+        _cancel(self._admission_timer)
+        check = partial(self._check_admitted, self._runs.accepted)
+        self._admission_timer = self._loop.call_later(self._join_s_max, check)
 
     def token_changed(self, _key: str, alive: bool) -> None:
         """The world's token came or went; may be called from another thread."""
@@ -87,7 +90,8 @@ class WorldWatch:
 
     def cancel(self) -> None:
         """Wait for nothing any more."""
-        _cancel(self._wait_timer)
+        _cancel(self._admission_timer)
+        _cancel(self._return_timer)
         _cancel(self._silence_timer)
 
     def _check_silence(self, accepted_before: tuple[int, int] | None) -> None:
@@ -107,7 +111,7 @@ class WorldWatch:
 
     def _world_returned(self) -> None:
         self._gone = False
-        _cancel(self._wait_timer)
+        _cancel(self._return_timer)
         self._report(f"{self._world} is back")
 
     def _world_lost(self) -> None:
@@ -118,11 +122,11 @@ class WorldWatch:
         self._report(
             f"{self._world} is gone: standing still, waiting up to {self._world_s_max:g} s for it"
         )
-        self._begin_wait(self._world_s_max, self._give_up_world)
-
-    def _begin_wait(self, s_max: float, give_up: Callable[[], None]) -> None:
-        _cancel(self._wait_timer)
-        self._wait_timer = self._loop.call_later(s_max, give_up)
+        if self._runs.core.config is not None:
+            # One that was not taken in yet waits no longer for that because there is no world.
+            _cancel(self._admission_timer)
+        _cancel(self._return_timer)
+        self._return_timer = self._loop.call_later(self._world_s_max, self._give_up_world)
 
     def _give_up_world(self) -> None:
         in_time = f"was not back within {self._world_s_max:g} s"

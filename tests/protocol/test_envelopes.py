@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from encircle.protocol import VERSION
-from encircle.protocol.codec import decode, encode, encode_without_inbox
+from encircle.protocol.codec import decode, encode, encode_any_length
 from encircle.protocol.envelopes import ANSWERS, OBSERVATIONS, Enclosed, opened, sealed, with_inbox
 from encircle.protocol.errors import MalformedMessage, OversizedMessage, WrongRun, WrongVersion
 from encircle.protocol.keys import robot_key
@@ -30,7 +30,7 @@ def asked(robot: str, inbox=()) -> Observation:
 def test_observations_come_out_as_they_would_have_come_by_themselves(inboxes, bytes_max):
     whole = [asked(f"r{number}", inbox) for number, inbox in enumerate(inboxes, 1)]
     enclosed = [
-        Enclosed(o.robot, "observation", encode_without_inbox(o, RUN), o.inbox) for o in whole
+        Enclosed(o.robot, "observation", encode_any_length(o, RUN, inbox=()), o.inbox) for o in whole
     ]
     envelopes = list(sealed(enclosed, RUN, bytes_max))
     found = [message for envelope in envelopes for message in opened(OBSERVATIONS, envelope, RUN)]
@@ -88,7 +88,7 @@ def test_what_is_no_envelope_is_refused(payload, error):
 
 
 def test_few_bytes_do_not_become_more_than_an_observation_may_have():
-    lean = encode_without_inbox(asked("r1"), RUN)
+    lean = encode_any_length(asked("r1"), RUN, inbox=())
     with pytest.raises(OversizedMessage):
         with_inbox(lean, [bytes(1024 * 1024)] * 5)
     assert len(decode(Observation, with_inbox(lean, [b"p"] * 300), RUN).inbox) == 300

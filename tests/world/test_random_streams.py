@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from encircle.world.random_streams import Purpose, block_ticks, link_block, link_uniforms, uniforms
+from encircle.world.random_streams import (
+    Purpose,
+    block_ticks,
+    link_block,
+    link_uniforms,
+    normal_pairs,
+    uniforms,
+)
 
 ALPHA = 1e-3
 WORD = 2**64 - 1
@@ -89,7 +96,7 @@ def test_links_draw_what_their_seed_purpose_and_tick_mean_whatever_is_drawn_at_o
 
 @pytest.mark.parametrize("robots", [1, 2, 4, 8, 9, 16, 33, 64, 65, 256])
 def test_a_block_holds_its_ticks_one_by_one_and_is_of_bounded_size(robots):
-    ticks = block_ticks(robots)
+    ticks = block_ticks(robots**2)
     block = link_block(3, Purpose.LOSS, 2, robots)
     assert block.shape == (ticks, robots, robots)
     assert 1 <= ticks <= 64
@@ -100,9 +107,18 @@ def test_a_block_holds_its_ticks_one_by_one_and_is_of_bounded_size(robots):
         assert block[k][-1, 0] == by_place[place(robots - 1, 0)]
 
 
-def test_draws_that_are_kept_cannot_be_changed():
+@settings(deadline=None, derandomize=True, max_examples=40)
+@given(seed=SEEDS, purpose=PURPOSES, tick=TICKS, robots=st.integers(1, 40))
+def test_normal_draws_are_the_quantiles_that_their_uniform_ones_are_of(seed, purpose, tick, robots):
+    drawn = normal_pairs(seed, purpose, tick, robots)
+    uniform = np.array(expected(seed, purpose, tick, 2 * robots)).reshape(robots, 2)
+    assert (drawn == stats.norm.ppf(uniform)).all()
+
+
+@pytest.mark.parametrize("draw", [link_uniforms, normal_pairs])
+def test_draws_that_are_kept_cannot_be_changed(draw):
     for _ in range(2):
-        drawn = link_uniforms(1, Purpose.LOSS, 5, 4)
+        drawn = draw(1, Purpose.LOSS, 5, 4)
         with pytest.raises(ValueError, match="read-only"):
             drawn[0, 1] = 0.5
 

@@ -178,13 +178,13 @@ def whole_ticks(delay_s: Floats, tick_s: float, waited_ticks: Floats | float = 0
 def _block_and_row(delays: Delays, tick: int) -> tuple[int, int]:
     """In which block a tick's delays are, and where in it."""
     steady = not delays.laws and delays.sample is None and delays.rows is None
-    return (0, 0) if steady else divmod(tick, block_ticks(delays.robots))
+    return (0, 0) if steady else divmod(tick, block_ticks(delays.robots**2))
 
 
 @lru_cache(maxsize=16)
 def _block(delays: Delays, block: int) -> tuple[Floats, Ints]:
     """(T, N, N) the delays of a block of ticks, in s and in ticks: inverting is slow one by one."""
-    count, many = delays.robots, block_ticks(delays.robots)
+    count, many = delays.robots, block_ticks(delays.robots**2)
     taken = np.repeat(delays.fixed_s[None], many, axis=0)
     if delays.laws or delays.sample is not None:
         draws = link_block(delays.seed, delays.purpose, block, count)

@@ -4,8 +4,6 @@ What a robot has refused depends on what strangers sent to it, and the run's nam
 run. Neither may change the digest, so both are left out of what is digested.
 """
 
-from dataclasses import replace
-
 from encircle.protocol.codec import begins_canonically, body_of, encode_any_length
 from encircle.protocol.messages import Command, Point, Pose
 
@@ -43,5 +41,5 @@ def digested_part(message: Pose | Command, payload: bytes, run: str) -> bytes:
 def digested_part_of_own(message: Pose | Command, payload: bytes, run: str) -> bytes:
     """As ``digested_part``, of a payload that this process has encoded itself."""
     if isinstance(message, Command) and message.refused:
-        payload = encode_any_length(replace(message, refused={}), run)
+        payload = encode_any_length(message, run, refused={})
     return body_of(payload, run)

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from encircle.protocol.codec import encode, encode_without_inbox
+from encircle.protocol.codec import encode, encode_any_length
 from encircle.protocol.envelopes import (
     OBSERVATIONS,
     OBSERVATIONS_BYTES_MAX,
@@ -134,7 +134,7 @@ class OpenRound:
         if len(observation.inbox) < INBOX_APART_MIN:
             message = self._whole[robot] = observation_message(self._run, observation)
             return Enclosed(robot, "observation", message[1])
-        lean = encode_without_inbox(observation, self._run)
+        lean = encode_any_length(observation, self._run, inbox=())
         self._lean[robot] = lean
         return Enclosed(robot, "observation", lean, observation.inbox)
 

@@ -24,7 +24,7 @@ from helpers_waiting import LONGEST_S, taken, until
 from encircle.agents.brain.robot_core import RobotCore
 from encircle.agents.process.real_time import is_timed
 from encircle.agents.process.robot_runs import RobotRuns
-from encircle.agents.process.world_watch import RobotEnd, WorldWatch
+from encircle.agents.process.world_watch import SUSPICION_S, RobotEnd, WorldWatch
 from encircle.protocol.codec import encode
 from encircle.protocol.errors import UnknownKey
 from encircle.protocol.keys import robot_key, world_key
@@ -250,19 +250,21 @@ class Timers:
     """The timers of an event loop whose times come when a test says so."""
 
     def __init__(self) -> None:
-        self._waiting: list[tuple[asyncio.Event, Callable[[], None]]] = []
+        self._waiting: list[tuple[float, asyncio.Event, Callable[[], None]]] = []
 
-    def call_later(self, _delay_s, call, *arguments):
+    def call_later(self, delay_s, call, *arguments):
         cancelled = asyncio.Event()
         cancelled.cancel = cancelled.set
-        self._waiting.append((cancelled, partial(call, *arguments)))
+        self._waiting.append((delay_s, cancelled, partial(call, *arguments)))
         return cancelled
 
-    def fire(self) -> None:
-        """All that wait now, once."""
-        due, self._waiting = self._waiting, []
-        for cancelled, call in due:
-            if not cancelled.is_set():
+    def fire(self, delay_s_max: float = LONGEST_S) -> None:
+        """All that wait now, once; those alone that wait no longer than that."""
+        waiting, self._waiting = self._waiting, []
+        for delay_s, cancelled, call in waiting:
+            if delay_s > delay_s_max:
+                self._waiting.append((delay_s, cancelled, call))
+            elif not cancelled.is_set():
                 call()
 
 
@@ -320,6 +322,24 @@ def test_what_anybody_may_send_does_not_keep_a_robot_waiting_for_a_world_for_eve
         return world.end.reason.result()
 
     assert "did not take this robot in" in asyncio.run(live())
+
+
+def test_a_robot_that_comes_as_the_run_ends_waits_no_longer_to_be_taken_in():
+    async def live() -> tuple[list[str], str]:
+        world = World()
+        world.runs.core.setup = world.runs.core.config = None
+        world.watch.await_admission()
+        world.watch.world_changed(False)
+        for _ in range(3):
+            world.timers.fire(SUSPICION_S)
+        assert not world.end.reason.done()
+        world.timers.fire()
+        return world.said, world.end.reason.result()
+
+    said, reason = asyncio.run(live())
+    assert len(said) == 1
+    assert "is gone" in said[0]
+    assert "did not take this robot in" in reason
 
 
 @pytest.mark.parametrize("of_run", ["*", "another"])
