@@ -30,7 +30,8 @@ def asked(robot: str, inbox=()) -> Observation:
 def test_observations_come_out_as_they_would_have_come_by_themselves(inboxes, bytes_max):
     whole = [asked(f"r{number}", inbox) for number, inbox in enumerate(inboxes, 1)]
     enclosed = [
-        Enclosed(o.robot, "observation", encode_any_length(o, RUN, inbox=()), o.inbox) for o in whole
+        Enclosed(o.robot, "observation", encode_any_length(o, RUN, inbox=()), o.inbox)
+        for o in whole
     ]
     envelopes = list(sealed(enclosed, RUN, bytes_max))
     found = [message for envelope in envelopes for message in opened(OBSERVATIONS, envelope, RUN)]
