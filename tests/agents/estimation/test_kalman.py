@@ -11,12 +11,11 @@ from math import nan
 import numpy as np
 import pytest
 from filterpy.common import Q_discrete_white_noise
-from filterpy.kalman import KalmanFilter
+from filterpy.kalman import KalmanFilter, predict, update
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
-from encircle.agents.estimation import kalman
 from encircle.agents.estimation.kalman import (
     EMPTY_TRACK,
     coast_to,
@@ -101,28 +100,33 @@ def test_detections_in_order_give_what_filterpys_filter_gives(hunt):
     assert_same(folded(arrivals, 25).estimate, reference(detections, 25))
 
 
-def test_filterpy_computes_covariance_and_gain_and_never_sees_what_was_detected(monkeypatch):
-    """As docs/paper.md says."""
-    seen = []
-
-    def watched(step):
-        def called(mean, covariance, *rest):
-            seen.append((step.__name__, np.copy(mean), [np.copy(part) for part in rest]))
-            return step(mean, covariance, *rest)
-
-        return called
-
-    monkeypatch.setattr(kalman, "predict", watched(kalman.predict))
-    monkeypatch.setattr(kalman, "update", watched(kalman.update))
-    covariance_step.cache_clear()
-    track = EMPTY_TRACK
-    for tick in range(4):
-        track = incorporate(track, [(tick, 0, 7.0, -5.0), (tick, 1, 9.0, -5.0)], tick, TICK_S, P)
-    assert (track.estimate.x, track.estimate.y) == pytest.approx((8.0, -5.0))
-    assert [name for name, *_ in seen] == ["predict", "update"] * 3
-    assert all((mean == 0.0).all() for _, mean, _ in seen)
-    assert all(rest[0] == 1.0 for name, _, rest in seen if name == "update")
-    covariance_step.cache_clear()
+@CHEAP
+@given(
+    counts=st.lists(st.integers(0, 8), min_size=1, max_size=40),
+    tick_s=st.sampled_from([0.02, 0.1, 1.0]),
+    acceleration_mps2_std=st.sampled_from([0.1, 4.0, 30.0]),
+    measurement_m_std=st.sampled_from([0.02, 0.3]),
+)
+def test_covariance_and_gain_are_those_of_filterpys_predict_and_update(
+    counts, tick_s, acceleration_mps2_std, measurement_m_std
+):
+    """The gain is read off filterpy's update as its answer to a unit innovation from zero."""
+    transition, position_of = np.array([[1.0, tick_s], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    noise = Q_discrete_white_noise(2, tick_s, acceleration_mps2_std**2)
+    mean, covariance = np.zeros(2), (measurement_m_std**2, 0.0, 4.0)
+    for count in counts:
+        p00, p01, p11 = covariance
+        _, expected = predict(mean, np.array([[p00, p01], [p01, p11]]), transition, noise)
+        gain = mean
+        if count:
+            variance = np.array([[measurement_m_std**2 / count]])
+            gain, expected = update(mean, expected, 1.0, variance, position_of)
+        covariance, *gains = covariance_step(
+            covariance, count, tick_s, acceleration_mps2_std, measurement_m_std
+        )
+        assert gains == pytest.approx(list(gain), rel=1e-11, abs=1e-14)
+        found = [[covariance[0], covariance[1]], [covariance[1], covariance[2]]]
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
 
 
 @CHEAP
