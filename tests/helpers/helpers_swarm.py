@@ -45,7 +45,8 @@ FLICKER_SHARE = 0.25
 def play(seed: int, junk: bool = True, faults: bool = True, order: int = 0) -> Result:
     """One run of a seed, watched. ``faults``: robots are struck, and some command what they like.
 
-    ``junk``: strangers send something. ``order``: another one has robots answer in another order.
+    ``junk``: strangers send something, and the world works ahead. ``order``: another one has robots
+    answer in another order.
     """
     return _Run(seed, junk, faults, order).play()
 
@@ -126,6 +127,8 @@ class _Run:
             self.witness.look(world, self.robots.values())
             if world.ended is not None:
                 break
+            if self.strangers is not None:
+                world.rounds.foresee()
             asked = self._round(asked)
         world.rounds.commit()
         assert world.ended is not None, "the run has not ended by ticks_max"

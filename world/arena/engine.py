@@ -69,6 +69,13 @@ class ArenaState(NamedTuple):
     drift: Floats | None
 
 
+class Foreseen(NamedTuple):
+    """What the radio does at a state's tick if every robot sends: its state then, and fates."""
+
+    channel_state: radio.ChannelState
+    fates: radio.Fates
+
+
 def build(scenario: Scenario, seed: int) -> Arena:
     """The constants of a run of a scenario with a seed."""
     count = len(scenario.ids)
@@ -160,6 +167,16 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
     ]
 
 
+def foresee(arena: Arena, state: ArenaState) -> Foreseen | None:
+    """What does not depend on the robots' answers, for ``advance``; None if there is nothing.
+
+    For a caller who has time while he waits for them.
+    """
+    if arena.channel.rated:
+        return None
+    return Foreseen(*_transmitted(arena, state, None, None))
+
+
 def advance(
     arena: Arena,
     state: ArenaState,
@@ -167,18 +184,25 @@ def advance(
     packets: Sequence[bytes | None],
     name_bytes: int = 0,
     lost: NDArray[np.bool_] | None = None,
+    foreseen: Foreseen | None = None,
 ) -> tuple[ArenaState, radio.Fates]:
     """The state one tick later, and the fates of this tick's packets.
 
     ``steps``: (N, 2) commanded steps in m; ``packets``: each robot's encoded pose, robot order,
     None from a robot that sends none; ``name_bytes``: how many bytes of each are the run's name,
     which do not count: how a run is called must not change its course. ``lost``: (N,) the robots
-    that nobody commands, whose steps do not matter and whose packets must be None.
+    that nobody commands, whose steps do not matter and whose packets must be None. ``foreseen``: of
+    the same arena and state.
     """
     tick, count = state.tick, len(arena.ids)
-    channel_state, _ = radio.deliver(state.channel_state, tick)
-    sending = _sending(arena, state, packets, name_bytes, lost)
-    channel_state, fates = radio.transmit(arena.channel, channel_state, sending)
+    sizes_matter = arena.channel.rated or None in packets
+    if foreseen is not None and lost is None and not sizes_matter:
+        channel_state, fates = foreseen
+    else:
+        # A packet without a byte of its own would count as none.
+        sizes = [0 if packet is None else max(1, len(packet) - name_bytes) for packet in packets]
+        sent = np.array(sizes) if sizes_matter else None
+        channel_state, fates = _transmitted(arena, state, sent, lost)
     memory, target_step = _target_step(arena, state)
     away = None
     if lost is not None:
@@ -309,23 +333,22 @@ def _target_step(arena: Arena, state: ArenaState) -> tuple[Any, Point]:
     return memory, step
 
 
-def _sending(
+def _transmitted(
     arena: Arena,
     state: ArenaState,
-    packets: Sequence[bytes | None],
-    name_bytes: int,
+    sizes_bytes: NDArray[np.int64] | None,
     lost: NDArray[np.bool_] | None,
-) -> radio.Sending:
-    """What the radio is given at a tick."""
+) -> tuple[radio.ChannelState, radio.Fates]:
+    """The radio after a tick's packets, and their fates. ``sizes_bytes``: as in ``Sending``."""
     count = len(arena.ids)
-    # A packet without a byte of its own would count as none.
-    sizes = [0 if packet is None else max(1, len(packet) - name_bytes) for packet in packets]
-    return radio.Sending(
+    sending = radio.Sending(
         state.tick,
-        np.array(sizes) if None in packets or arena.channel.rated else None,
+        sizes_bytes,
         state.geometry.distances[:count, :count],
         _silent(arena, state.tick, lost),
     )
+    before, _ = radio.deliver(state.channel_state, state.tick)
+    return radio.transmit(arena.channel, before, sending)
 
 
 def _silent(arena: Arena, tick: int, lost: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:

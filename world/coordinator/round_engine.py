@@ -66,6 +66,7 @@ class RoundEngine:
         self.open_round = OpenRound(run)
         self.ended: str | None = None
         self.plugin_failure: PluginFailed | None = None
+        self._foreseen: engine.Foreseen | None = None
         self._sources: dict[str, str] = {}
 
     @property
@@ -107,6 +108,7 @@ class RoundEngine:
         event = event_of(given, self.arena.scenario, self.state.tick)
         # It is of a later tick, so that nothing of the open round depends on it.
         self.arena = engine.with_event(self.arena, event)
+        self._foreseen = None
         self.members.add_event(event)
         self.interventions.append(event)
         self.journal.note_intervention(self.state.tick, table_of(event))
@@ -157,9 +159,15 @@ class RoundEngine:
         steps = np.array([answer.step for answer in in_order])
         packets = [answer.packet for answer in in_order]
         self.state, self.fates = engine.advance(
-            self.arena, self.state, steps, packets, len(self.run), lost
+            self.arena, self.state, steps, packets, len(self.run), lost, self._foreseen
         )
+        self._foreseen = None
         self.journal.note_answers(tick, self.fates, in_order)
+
+    def foresee(self) -> None:
+        """Do what the next step can do without the answers, of which some are still to come."""
+        if self.ended is None and self._foreseen is None:
+            self._foreseen = engine.foresee(self.arena, self.state)
 
     def unanswered(self) -> Outgoing:
         """The observations whose answers are still to come, to be sent again: both may be lost.

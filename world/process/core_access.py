@@ -61,6 +61,7 @@ class CoreAccess:
                 if outgoing:
                     send_in_batches(self._connection, outgoing)
                     send(self._connection, self._rounds.commit())
+                    self._rounds.foresee()
 
     def fail(self, reason: str) -> None:
         """End the run as failed, and tell the robots."""

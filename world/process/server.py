@@ -64,13 +64,15 @@ class WorldOptions:
 def run_rounds(core: WorldCore, connection: Connection) -> None:
     """Run a hunt in lock-step until it ends or the connection is closed."""
     try:
-        send(connection, core.begin())
-        send(connection, core.rounds.commit())
-        while core.ended is None:
-            outgoing = core.receive(*connection.receive())
+        outgoing = core.begin()
+        while True:
             if outgoing:
                 send(connection, outgoing)
                 send(connection, core.rounds.commit())
+                core.rounds.foresee()
+            if core.ended is not None:
+                break
+            outgoing = core.receive(*connection.receive())
     except ConnectionClosed:
         pass
 

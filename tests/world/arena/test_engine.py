@@ -5,6 +5,7 @@ from math import dist, pi
 
 import numpy as np
 import pytest
+from helpers_scenarios import scenario_of
 from helpers_world import SQUARE, arena, overlapping, packets, walked
 
 from encircle.world.arena import engine
@@ -123,6 +124,31 @@ def test_a_robot_without_a_packet_sends_nothing_and_the_others_as_before():
                 assert (found[k] == (0 if packet is None else full[k])).all()
         inboxes = [set(o.inbox) for o in engine.observe(hunted, silent)]
         assert all(packet is not None for inbox in inboxes for packet in inbox)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_was_foreseen_is_what_happens_whoever_then_sends(seed):
+    scenario = scenario_of(seed)
+    hunted = engine.build(scenario, scenario.seed)
+    count, state = len(hunted.ids), engine.initial(hunted)
+    draws = np.random.default_rng(seed)
+    foreseen_ticks = 0
+    for tick in range(30):
+        some = [None if draws.random() < 0.02 else packet for packet in packets(tick, count)]
+        lost = draws.random(count) < 0.5 if draws.random() < 0.1 else None
+        if lost is not None:
+            some = [None if away else packet for packet, away in zip(some, lost, strict=True)]
+        given = (hunted, state, draws.normal(0.0, 0.1, (count, 2)), some, 0, lost)
+        foreseen = engine.foresee(hunted, state)
+        assert (foreseen is None) == hunted.channel.rated
+        after, fates = engine.advance(*given)
+        again, same = engine.advance(*given, foreseen)
+        assert (again.positions == after.positions).all()
+        assert repr(again.channel_state) == repr(after.channel_state)
+        assert repr(same) == repr(fates)
+        foreseen_ticks += foreseen is not None and same is foreseen.fates
+        state = after
+    assert hunted.channel.rated or foreseen_ticks > 5
 
 
 def test_a_copy_is_delivered_besides_its_packet_with_the_same_bytes():
