@@ -184,8 +184,9 @@ class RobotCore:
         """Answer an observation; raises as ``check``, or ``PluginFailed`` if the policy fails."""
         self.check(observation)
         state, packets, config = self._begin(observation)
-        self.state, action = brain.step(state, observation, packets, config, self._refused_so_far())
-        return self._finished(action)
+        refused = self._refused_so_far()
+        self.state, action = brain.step(state, observation, packets, config, refused)
+        return self._acted(action)
 
     def perceive(self, observation: Observation) -> brain.Perception:
         """The first half of ``decide``, for a caller who decides himself; raises as that."""
@@ -214,10 +215,9 @@ class RobotCore:
     ) -> brain.Action:
         """The second half: what a valid decision comes to; the policy will remember ``memory``."""
         assert self.config is not None, "it has perceived"
-        self.state, action = brain.act(
-            perception, memory, decision, self.config, self._refused_so_far()
-        )
-        return self._finished(action)
+        refused = self._refused_so_far()
+        self.state, action = brain.act(perception, memory, decision, self.config, refused)
+        return self._acted(action)
 
     def _begin(
         self, observation: Observation
@@ -230,7 +230,7 @@ class RobotCore:
         packets = self._packets_of(observation, brain.indices_of(self.config.team))
         return self.state, packets, self.config
 
-    def _finished(self, action: brain.Action) -> brain.Action:
+    def _acted(self, action: brain.Action) -> brain.Action:
         self.mode = action.command.mode
         return action
 
