@@ -5,9 +5,9 @@ axes are then the same filter run twice: one 2 x 2 covariance serves both, and s
 one tick are exactly one detection at their mean with the variance divided by their number. The
 covariance and gain depend on the numbers of detections only, not on what was detected. filterpy
 gives the process noise. A step is what its ``predict`` and ``update`` do, operation by operation,
-in plain numbers: many times as fast for matrices of this size, and with the same bits on every
-machine, which products of numpy's matrices do not have. It is rounded to 1e-12, so that the
-recursion comes to rest, and remembered.
+in plain numbers: many times as fast for matrices of this size, and its bits do not depend on how a
+processor multiplies matrices. It is rounded to 1e-12, so that the recursion comes to rest, and
+remembered.
 
 Raw detections travel, with origin and tick, unless robots tell estimates
 (``encircle.agents.teamwork.fusing``). A detection that arrives late is put at its tick and the
