@@ -67,6 +67,7 @@ class RoundEngine:
         self.ended: str | None = None
         self.plugin_failure: PluginFailed | None = None
         self._foreseen: engine.Foreseen | None = None
+        self._all_sent = True
         self._sources: dict[str, str] = {}
 
     @property
@@ -162,11 +163,15 @@ class RoundEngine:
             self.arena, self.state, steps, packets, len(self.run), lost, self._foreseen
         )
         self._foreseen = None
+        self._all_sent = lost is None and None not in packets
         self.journal.note_answers(tick, self.fates, in_order)
 
     def foresee(self) -> None:
-        """Do what the next step can do without the answers, of which some are still to come."""
-        if self.ended is None and self._foreseen is None:
+        """Do what the next step can do without the answers, of which some are still to come.
+
+        It holds if every robot sends; where one did not in the round before, it would be in vain.
+        """
+        if self.ended is None and self._foreseen is None and self._all_sent:
             self._foreseen = engine.foresee(self.arena, self.state)
 
     def unanswered(self) -> Outgoing:
