@@ -86,13 +86,14 @@ def encode(message: Message, run: str) -> bytes:
 
 
 def encode_any_length(message: Message, run: str, **instead: Any) -> bytes:
-    """As ``encode``, of any length: a message that its sender packed differently may be longer.
+    """As ``encode``, without its limit: other senders pack longer, and envelopes shorter.
 
-    ``instead``: values of fields that are written in place of its own.
+    ``instead``: values of fields, by name, that are written in place of the message's own.
     """
     layout = _LAYOUTS[type(message)]
     values = layout.values(message)
     if instead:
+        assert all(name in layout.names for name in instead), f"unknown: {list(instead)}"
         values = tuple([instead.get(k, v) for k, v in zip(layout.names[2:], values, strict=True)])
     count = len(layout.always) - VERSION_AND_RUN_FIELDS
     # A map is packed as the list of its names and values in turn is, after the header, and that
@@ -124,7 +125,7 @@ def begins_canonically(kind: type[Any], payload: bytes, run: str) -> bool:
 
 @lru_cache(maxsize=64)
 def _headers(kind: type[Any], run: str) -> tuple[bytes, ...]:
-    """What a payload may begin with, by how many fields are left out of it."""
+    """What a payload may begin with, by how many of the fields that may be left out are there."""
     parts: list[bytes] = [msgpack.packb(part) for part in ("v", VERSION, "run", run)]
     layout = _LAYOUTS[kind]
     sizes = range(len(layout.always), len(layout.names) + 1)

@@ -7,15 +7,20 @@ import os
 import pytest
 from helpers_waiting import TIMEOUTS
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 # For the nodes and commands that tests start as processes; their options go before it.
 os.environ["ENCIRCLE_JOIN_TIMEOUT"] = f"{TIMEOUTS.join_s_max}"
 os.environ["ENCIRCLE_ANSWER_TIMEOUT"] = f"{TIMEOUTS.answer_s_max}"
 
 settings.register_profile(
-    "any-machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    "any-machine", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("any-machine")
+# Hypothesis draws numbers that it finds in the sources of modules that are imported by then: what a
+# test is given would depend on the tests before it in its worker, derandomised or not.
+assert hasattr(providers, "_get_local_constants"), "another Hypothesis: look where it does that"
+providers._get_local_constants = providers.Constants
 
 
 FORKED = multiprocessing.get_context("forkserver")

@@ -52,7 +52,7 @@ def uniforms(seed: int, purpose: Purpose, tick: int, count: int) -> NDArray[np.f
 
 
 def normal_pairs(seed: int, purpose: Purpose, tick: int, count: int) -> NDArray[np.float64]:
-    """(N, 2) standard normal draws, two a robot, those of the first any team's; read-only."""
+    """(N, 2) standard normal draws, two a robot, the same for it in larger teams; read-only."""
     ticks = block_ticks(2 * count)
     drawn: NDArray[np.float64] = _normal_block(seed, purpose, tick // ticks, count)[tick % ticks]
     return drawn

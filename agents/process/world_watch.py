@@ -119,18 +119,19 @@ class WorldWatch:
             self._end.stop(f"{self._world} is gone")
             return
         self._gone = True
+        if self._runs.core.config is None:
+            # Not taken in yet, it waits for that alone, as long as it would have.
+            self._report(f"{self._world} is gone: waiting for one to take this robot in")
+            return
         self._report(
             f"{self._world} is gone: standing still, waiting up to {self._world_s_max:g} s for it"
         )
-        if self._runs.core.config is not None:
-            # One that was not taken in yet waits no longer for that because there is no world.
-            _cancel(self._admission_timer)
-        _cancel(self._return_timer)
+        _cancel(self._admission_timer)
         self._return_timer = self._loop.call_later(self._world_s_max, self._give_up_world)
 
     def _give_up_world(self) -> None:
         in_time = f"was not back within {self._world_s_max:g} s"
-        self._end.stop(self._other_version() or f"{self._world} is gone, and {in_time}")
+        self._end.stop(f"{self._world} is gone, and {in_time}")
 
     def _check_admitted(self, accepted_before: tuple[int, int]) -> None:
         mismatch = self._other_version()

@@ -153,6 +153,7 @@ def next_observations(
 ) -> list[Observation]:
     """The observations of the next round that anyone is there for; none when the run is over."""
     while not (observations := world.ask()) and world.ended is None:
+        world.rounds.commit()
         if observer is not None:
             observer.decided(world, tuple(cores.values()), [None] * len(cores))
         if progress is not None:

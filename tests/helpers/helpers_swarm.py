@@ -42,13 +42,15 @@ TALKER_SHARE = 0.25
 FLICKER_SHARE = 0.25
 
 
-def play(seed: int, junk: bool = True, faults: bool = True, order: int = 0) -> Result:
+def play(
+    seed: int, junk: bool = True, faults: bool = True, order: int = 0, ahead: bool = True
+) -> Result:
     """One run of a seed, watched. ``faults``: robots are struck, and some command what they like.
 
-    ``junk``: strangers send something, and the world works ahead. ``order``: another one has robots
-    answer in another order.
+    ``junk``: strangers send something. ``order``: another one has robots answer in another order.
+    ``ahead``: the world works ahead while they do.
     """
-    return _Run(seed, junk, faults, order).play()
+    return _Run(seed, junk, faults, order, ahead).play()
 
 
 class Played(NamedTuple):
@@ -64,9 +66,9 @@ class Played(NamedTuple):
     faults: Counter[str]
 
 
-def recorded(seed: int, junk: bool = False, faults: bool = True) -> Played:
+def recorded(seed: int, junk: bool = False, faults: bool = True, ahead: bool = False) -> Played:
     """The messages of a run with faults, as a recording holds them."""
-    run, messages = _Run(seed, junk, faults, order=0), []
+    run, messages = _Run(seed, junk, faults, 0, ahead), []
 
     def record(tick: int, key: str, payload: bytes) -> None:
         messages.append((tick, key.removeprefix(f"encircle/{RUN}/"), payload))
@@ -92,7 +94,7 @@ def swarm_scenario(seed: int) -> Scenario:
 class _Run:
     """The world, the robots, and what befalls them."""
 
-    def __init__(self, seed: int, junk: bool, faults: bool, order: int) -> None:
+    def __init__(self, seed: int, junk: bool, faults: bool, order: int, ahead: bool) -> None:
         self.scenario = swarm_scenario(seed)
         self.arena = build(self.scenario, self.scenario.seed)
         self.witness = Witness(self.arena, RUN)
@@ -101,6 +103,7 @@ class _Run:
         # What strangers send must not change who is killed when.
         self.fate = random.Random(f"swarm fate {seed}") if faults else None
         self.strangers = random.Random(f"swarm junk {seed}") if junk else None
+        self.ahead = ahead
         self.order = random.Random(f"swarm order {seed} {order}")
         draws = random.Random(f"swarm reckless {seed}")
         share = RECKLESS_SHARE if faults and draws.random() < RECKLESS_SHARE else 0.0
@@ -127,7 +130,7 @@ class _Run:
             self.witness.look(world, self.robots.values())
             if world.ended is not None:
                 break
-            if self.strangers is not None:
+            if self.ahead:
                 world.rounds.foresee()
             asked = self._round(asked)
         world.rounds.commit()
@@ -175,7 +178,8 @@ class _Run:
         self.faults["asked again"] += bool(again)
         for key, payload in again:
             assert world.receive(key, payload) == [], "what is answered twice counts once"
-        return following
+        # Others are for who looks on: events of rounds in which no robot was there.
+        return [message for message in following if parse_key(message[0]).robot]
 
     def _intervene(self) -> None:
         """Somebody gives the run an event by hand, which it may refuse."""

@@ -168,9 +168,10 @@ def observe(arena: Arena, state: ArenaState, lost: Sequence[str] = ()) -> list[O
 
 
 def foresee(arena: Arena, state: ArenaState) -> Foreseen | None:
-    """What does not depend on the robots' answers, for ``advance``; None if there is nothing.
+    """What does not depend on the robots' answers, for ``advance``; None if it does.
 
-    For a caller who has time while he waits for them.
+    For a caller who has time while he waits for them. Where a link's rate counts, the size of each
+    packet does.
     """
     if arena.channel.rated:
         return None
@@ -192,7 +193,7 @@ def advance(
     None from a robot that sends none; ``name_bytes``: how many bytes of each are the run's name,
     which do not count: how a run is called must not change its course. ``lost``: (N,) the robots
     that nobody commands, whose steps do not matter and whose packets must be None. ``foreseen``: of
-    the same arena and state.
+    the same arena and state; it holds if every robot sends, and else is not used.
     """
     tick, count = state.tick, len(arena.ids)
     sizes_matter = arena.channel.rated or None in packets

@@ -41,7 +41,8 @@ class Journal:
 
     ``record`` gets every message of the run, if it is set. ``publishes``: whether ``commit``
     returns state and radio of every tick, for viewers; interventions it returns always.
-    ``pending``: what makes the entries that are not committed yet; ``hash``: those that are.
+    ``pending``: what makes the entries that are not committed yet, from whole states of the arena;
+    ``hash``: over those that are.
     """
 
     def __init__(self, arena: Arena, run: str, record: Record | None = None) -> None:

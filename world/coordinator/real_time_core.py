@@ -147,7 +147,10 @@ class RealTimeWorldCore:
                 self.ledger.asked(observation.robot, observation.tick, self.now_us)
             if rounds.fates is not None and not begins:
                 self.ledger.fates_drawn(radio_of(self.state.tick - 1, rounds.fates))
-        return rounds.end_messages() if self.ended is not None else rounds.open_round.messages
+        if self.ended is not None:
+            return rounds.end_messages()
+        # While no robot is there nothing else is sent, and what is noted must not pile up.
+        return rounds.open_round.messages or rounds.commit()
 
     def _with_times(self, opened: OpenRound) -> list[Observation]:
         """The observations of a round, with what robots have to know where clocks count."""

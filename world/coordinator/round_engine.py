@@ -67,7 +67,7 @@ class RoundEngine:
         self.ended: str | None = None
         self.plugin_failure: PluginFailed | None = None
         self._foreseen: engine.Foreseen | None = None
-        self._all_sent = True
+        self._all_sent_before = True
         self._sources: dict[str, str] = {}
 
     @property
@@ -107,7 +107,8 @@ class RoundEngine:
                 f"intervention: the run has had {INTERVENTIONS_MAX} of them, which is the most"
             )
         event = event_of(given, self.arena.scenario, self.state.tick)
-        # It is of a later tick, so that nothing of the open round depends on it.
+        # It is of a later tick, so that nothing of the open round depends on it; but what was
+        # foreseen is of the arena without it.
         self.arena = engine.with_event(self.arena, event)
         self._foreseen = None
         self.members.add_event(event)
@@ -163,7 +164,7 @@ class RoundEngine:
             self.arena, self.state, steps, packets, len(self.run), lost, self._foreseen
         )
         self._foreseen = None
-        self._all_sent = lost is None and None not in packets
+        self._all_sent_before = lost is None and None not in packets
         self.journal.note_answers(tick, self.fates, in_order)
 
     def foresee(self) -> None:
@@ -171,7 +172,7 @@ class RoundEngine:
 
         It holds if every robot sends; where one did not in the round before, it would be in vain.
         """
-        if self.ended is None and self._foreseen is None and self._all_sent:
+        if self.ended is None and self._foreseen is None and self._all_sent_before:
             self._foreseen = engine.foresee(self.arena, self.state)
 
     def unanswered(self) -> Outgoing:

@@ -155,12 +155,18 @@ class WorldCore:
         self.answers[command.robot] = answer
 
     def _next_round(self) -> Outgoing:
-        """The messages that open the next round in which a robot takes part, or end the run."""
+        """The messages that open the next round in which a robot takes part, or end the run.
+
+        Before them, what viewers are shown of the rounds that went by without a robot.
+        """
+        shown: Outgoing = []
         # Ends: each of these rounds is a tick, and a run has no more than ticks_max.
         while not self.ask():
             if self.ended is not None:
-                return self.rounds.end_messages()
-        return self.rounds.open_round.messages_by(self.hosts)
+                return [*shown, *self.rounds.end_messages()]
+            # What is noted holds whole states: it must not pile up while no robot is there.
+            shown += self.rounds.commit()
+        return [*shown, *self.rounds.open_round.messages_by(self.hosts)]
 
     def _take_pose(self, pose: Pose, packet: bytes) -> None:
         self.rounds.table.move(pose.robot, Move.POSE, pose.tick)

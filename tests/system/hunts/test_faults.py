@@ -172,8 +172,7 @@ def test_a_robot_that_speaks_another_version_says_which_and_the_run_goes_on_with
         node.wait_until(lambda robot: "waiting for the world" in robot.said)
     # It is there from before the first tick until it is lost and was asked for its version.
     join_s = 10.0 * float(hunt.limits[-1])
-    waits = ("--world-timeout", "0.5") if world_goes else ("--join-timeout", f"{join_s}")
-    options = ("--connect", hunt.endpoint, *waits)
+    options = ("--connect", hunt.endpoint, "--join-timeout", f"{join_s}")
     odd = hunt.start_as("r1", "-c", OTHER_VERSION, "r1", *options)
     hunt.wait_for(lambda seen: seen == [("r1", silent)])
     mismatch = f"robot r1 speaks version 99 of the wire, this is {VERSION}"

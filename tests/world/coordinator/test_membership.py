@@ -162,6 +162,46 @@ def test_when_all_are_lost_the_rest_is_played_without_any_and_ends():
     assert (result.packets_sent, result.packets_in_flight) == (0, 0)
 
 
+def test_what_is_noted_does_not_pile_up_while_no_robot_is_there():
+    noted = []
+
+    def record(tick, _key, _payload):
+        noted.append((tick, len(core.rounds.journal.pending)))
+
+    core = begun(WorldCore(arena("ticks_max=60"), RUN, record=record))
+    for robot in core.arena.ids:
+        core.leave(robot, DepartureCause.GONE)
+    core.rounds.commit()
+    assert noted[-1][0] == 60
+    assert max(pending for _, pending in noted) <= 4
+
+
+def test_nor_in_memory():
+    crashes = [{"kind": "crash", "robot": f"r{n}", "tick": 2} for n in range(1, 5)]
+    pending = []
+    run_in_memory(
+        arena("ticks_max=60", events=crashes),
+        RUN,
+        print,
+        progress=lambda world: pending.append(len(world.rounds.journal.pending)),
+    )
+    assert len(pending) == 60
+    assert max(pending) <= 4
+
+
+def test_who_looks_on_sees_the_rounds_in_which_no_robot_is_there_before_the_others():
+    crashes = [{"kind": "crash", "robot": f"r{n}", "tick": 2, "ticks": 5} for n in range(1, 5)]
+    core = begun(WorldCore(arena(events=crashes), RUN))
+    core.rounds.journal.publishes = True
+    while core.state.tick < 2:
+        core.rounds.commit()
+        for sent in answers(core):
+            outgoing = core.receive(*sent)
+    assert core.state.tick == 7
+    kinds = [parse_key(key).channel for key, _ in outgoing]
+    assert kinds == [*["radio", "state"] * 5, *["setup"] * 4, *["observation"] * 4]
+
+
 @pytest.mark.parametrize("motion", ["holonomic", "unicycle"])
 def test_a_lost_body_coasts_two_steps_more_within_five_ticks_and_then_stands(motion):
     hunted = arena(f"team.motion={motion}", "team.turn_rad_max=3.14")

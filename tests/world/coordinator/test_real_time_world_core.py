@@ -294,3 +294,16 @@ def test_what_a_robot_is_asked_anew_a_robot_takes_that_has_just_begun():
     robot.receive(setup_key, setup)
     assert robot.receive(key, asked), "it answers"
     assert not robot.refused
+
+
+def test_what_is_noted_does_not_pile_up_while_no_robot_is_there_and_who_looks_on_sees_it():
+    core = world()
+    core.rounds.commit()
+    core.rounds.journal.publishes = True
+    for robot in core.arena.ids:
+        core.leave(robot, DepartureCause.GONE)
+    for tick in range(1, 9):
+        shown = core.end_tick(EPOCH_US)
+        assert core.state.tick == tick
+        assert [parse_key(key).channel for key, _ in shown] == ["radio", "state"]
+        assert core.rounds.journal.pending == []

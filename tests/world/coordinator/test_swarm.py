@@ -44,6 +44,9 @@ def played(seeds):
             results[seed] = play(seed)
             if seed % 12 == 0:
                 assert play(seed, junk=False).digest == results[seed].digest, "junk has an effect"
+            if seed % 12 == 3:
+                same = play(seed, ahead=False).digest == results[seed].digest
+                assert same, "working ahead has an effect"
             if seed % 12 == 6:
                 first, other = (play(seed, faults=False, order=k) for k in (1, 2))
                 assert first.digest == other.digest, "the order of answers has an effect"
