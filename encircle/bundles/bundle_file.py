@@ -32,6 +32,7 @@ TABLE_BYTES_MAX, MEMBER_BYTES_MAX, BUNDLE_BYTES_MAX = 2**29, 2**26, 2**30
 DATE = (1980, 1, 1, 0, 0, 0)
 LEVEL = 6
 REGULAR_FILE = 0o100644 << 16
+ZIP_BEGINS = b"PK"
 
 Members = Mapping[str, bytes]
 
@@ -70,7 +71,7 @@ def read_members(path: Path) -> dict[str, bytes]:
     except OSError as error:
         raise NotABundle(f"{path} cannot be read: {error.strerror or error}") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        raise BundleError(f"{path} is no whole bundle: {error}") from None
+        raise _damaged(path, error) from None
     except ValueError as error:
         raise error if isinstance(error, BundleError) else _damaged(path, error) from None
 
@@ -81,6 +82,9 @@ def sha256(content: bytes) -> str:
 
 
 def _damaged(path: Path, error: Exception) -> BundleError:
+    with path.open("rb") as file:
+        if file.read(len(ZIP_BEGINS)) != ZIP_BEGINS:
+            return NotABundle(f"{path} is no bundle: it is no zip file")
     return BundleError(f"{path} is no whole bundle: {error}")
 
 

@@ -71,7 +71,8 @@ def bundle_main(arguments: Sequence[str], program: str) -> int:
     say(f"bundle  {packed.path} ({packed.bytes} bytes)")
     say(f"rows    {packed.plan.runs}, and {packed.recordings} recordings")
     say(f"sha256  {packed.sha256} of its manifest, which has those of all its parts")
-    say(f"verify  encircle verify {shlex.quote(str(packed.path))}")
+    with_policies = " --run-policies" if packed.policies else ""
+    say(f"verify  encircle verify {shlex.quote(str(packed.path))}{with_policies}")
     return 0
 
 

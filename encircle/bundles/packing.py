@@ -45,6 +45,7 @@ COMPILED = (".pyc", ".pyo")
 class Packed(NamedTuple):
     """A bundle that was made. ``left_out``: sources that a policy imports and that lie elsewhere.
 
+    ``policies``: how many sources of policies it holds.
     ``sha256``: of its manifest, which has the hashes of all other members: who knows it knows them.
     """
 
@@ -53,6 +54,7 @@ class Packed(NamedTuple):
     sha256: str
     recordings: int
     bytes: int
+    policies: int
     left_out: tuple[str, ...]
 
 
@@ -104,7 +106,7 @@ def pack(
     with made_whole(out) as unfinished:
         write_members(unfinished, members)
     count = sum(name.endswith(".mcap") for name in members)
-    return Packed(out, plan, sha256(head), count, out.stat().st_size, left_out)
+    return Packed(out, plan, sha256(head), count, out.stat().st_size, len(policies), left_out)
 
 
 def directory_of(study: str) -> Path:

@@ -55,8 +55,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "encircle doctor
             endpoints_of(without_certificates, settings.check_timeout) if networked else None
         )
         examination.results += check_machine(settings.runs or RUNS, settings.runs is not None)
-        if endpoints is not None:
-            _check_network(examination, endpoints, settings)
+        usable, own = _checked_identity(examination, settings)
+        if endpoints is not None and usable:
+            _check_network(examination, replace(endpoints, identity=own), settings)
     except ConfigurationError as error:
         options.error(str(error))
     status = 0 if examination.well else 1
@@ -124,12 +125,6 @@ class _Examination:
 def _check_network(examination: _Examination, endpoints: Endpoints, settings: Namespace) -> None:
     """Check the endpoints, and the nodes that can be reached there."""
     s_max = examination.s_max
-    try:
-        endpoints = replace(endpoints, identity=_identity(settings))
-    except ConfigurationError as error:
-        advice = "docs/security.md says which files each node needs, and how to make them"
-        examination.results.append(CheckResult("certificates", "wrong", str(error), advice))
-        return
     examination.results += check_exposure(endpoints)
     listening, connecting = configured_endpoints(replace(endpoints, without_authentication=True))
     busy = [
@@ -154,11 +149,27 @@ def _check_network(examination: _Examination, endpoints: Endpoints, settings: Na
         examination.add("run", endpoint, check_nodes, *arguments, more_s=ASKING_S_MAX)
 
 
-def _identity(settings: Namespace) -> Identity | None:
-    """A robot's own certificate if its key is here, otherwise that of a viewer."""
+def _checked_identity(
+    examination: _Examination, settings: Namespace
+) -> tuple[bool, Identity | None]:
+    """Whether certificates are usable or none are named, and which.
+
+    A robot's own if its key is here, otherwise those of a viewer.
+    """
     directory, robot = settings.certificates, settings.robot
-    own = directory is not None and robot is not None and (directory / f"{robot}.key").exists()
-    return identity(directory, robot if own else None)
+    if directory is None:
+        return True, None
+    own = robot is not None and (directory / f"{robot}.key").exists()
+    try:
+        found = identity(directory, robot if own else None)
+    except ConfigurationError as error:
+        advice = "docs/security.md says which files each node needs, and how to make them"
+        examination.results.append(CheckResult("certificates", "wrong", str(error), advice))
+        return False, None
+    whose = f"robot {robot}" if own else "a viewer"
+    message = f"those of {whose} in {directory} can be used"
+    examination.results.append(CheckResult("certificates", "ok", message))
+    return True, found
 
 
 def with_timeout(

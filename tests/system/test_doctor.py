@@ -490,6 +490,14 @@ def test_certificates_let_it_ask_who_they_are(examine, lab, tmp_path):
     assert result.said("certificates", "wrong").startswith(f"certificates = {tmp_path}")
 
 
+def test_certificates_are_checked_without_a_network_as_well(examine, lab, tmp_path):
+    result = examine("--certificates", str(tmp_path / "none"))
+    assert result.status == 1
+    assert result.said("certificates", "wrong").startswith(f"certificates = {tmp_path}")
+    usable = examine("--certificates", str(lab.directory))
+    assert "can be used" in usable.said("certificates", "ok")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

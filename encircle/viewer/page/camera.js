@@ -9,6 +9,7 @@
   const CATCH_UP_HZ = 3;
   const HURRY_HZ = 20; // While something is out of view.
   const ZOOM_PX_PER_M_MAX = 400;
+  const [THERE_PX, THERE_SHARE] = [0.25, 1e-3]; // So near it counts as there.
 
   class Camera {
     constructor() {
@@ -32,7 +33,8 @@
       this.mode = tiny || live ? "close" : "whole";
     }
 
-    /* Moves on by a stretch of time in s; returns whether the view still changes. */
+    /* Moves on by a stretch of time in s, Infinity to be there at once; returns whether it is still
+       on its way. */
     update(model, moment, width, height, s) {
       const resized = width !== this.size[0] || height !== this.size[1];
       this.size = [width, height];
@@ -40,13 +42,15 @@
       const box = this.mode === "close" ? closeBox(moment) : wholeBox(model);
       const goal = this.fit(box);
       const rate = this.shows(box) ? CATCH_UP_HZ : HURRY_HZ;
-      const share = this.fresh || resized ? 1 : 1 - Math.exp(-rate * s);
-      const before = [...this.centre, this.pxPerM];
+      if (this.fresh || resized || s === Infinity) {
+        Object.assign(this, goal, { fresh: false });
+        return false;
+      }
+      const share = 1 - Math.exp(-rate * s);
       this.centre = page.between(this.centre, goal.centre, share);
       this.pxPerM *= (goal.pxPerM / this.pxPerM) ** share;
-      this.fresh = false;
-      const now = [...this.centre, this.pxPerM];
-      return now.some((value, k) => Math.abs(value - before[k]) > 1e-3);
+      const offPx = this.pxPerM * Math.hypot(this.centre[0] - goal.centre[0], this.centre[1] - goal.centre[1]);
+      return offPx > THERE_PX || Math.abs(goal.pxPerM / this.pxPerM - 1) > THERE_SHARE;
     }
 
     fit([x0, y0, x1, y1]) {

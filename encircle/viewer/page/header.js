@@ -3,6 +3,7 @@
 
 (function (page) {
   const KNOWN_CHANNEL_MAX = 6;
+  const CHANGES = new Set(["loss", "delay", "range"]);
 
   /* The run's outcome in words, as far as it is known at a tick. */
   page.outcome = function (model, tick) {
@@ -70,11 +71,16 @@
       const policies = [...new Set(stage.policies)].join(", ");
       const team = page.counted(stage.robots.length, "robot");
       page.setText(page.byId("team"), `${team}, policy ${policies}; target: ${stage.behaviour}`);
-      const words = stage.channel.slice(0, KNOWN_CHANNEL_MAX);
-      const more = stage.channel.length > words.length ? "; …" : "";
-      const channel = page.byId("channel");
-      page.setText(channel, `Radio: ${words.join("; ") || "every packet arrives at the next tick"}${more}`);
-      channel.title = stage.channel.join("\n");
+      page.byId("channel").title = stage.channel.join("\n");
+    }
+
+    updateChannel(model, tick) {
+      const { channel } = model.stage;
+      const words = channel.slice(0, KNOWN_CHANNEL_MAX);
+      const more = channel.length > words.length ? "; …" : "";
+      const changed = model.events.some((event) => event.tick <= tick && CHANGES.has(event.kind));
+      const which = changed ? "Radio at the start (since then changed, see the events)" : "Radio";
+      page.setText(page.byId("channel"), `${which}: ${words.join("; ") || "every packet arrives at the next tick"}${more}`);
     }
 
     update(model, player, notice) {
@@ -82,6 +88,7 @@
       if (!model.stage) return;
       if (this.version !== model.version) this.updateRun(model);
       const { tick } = player;
+      this.updateChannel(model, tick);
       page.setText(page.byId("tick"), `tick ${tick}`);
       page.setText(page.byId("seconds"), `${(player.time * model.stage.tick_s).toFixed(1)} s`);
       const outcome = page.outcome(model, tick);

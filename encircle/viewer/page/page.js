@@ -124,7 +124,9 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     view.ctx.fillRect(0, 0, view.width, view.height);
     packetsDrawn = 0;
     if (!view.moment) return false;
-    const moving = view.camera.update(model, view.moment, view.width, view.height, s);
+    // Where nothing moves, the view is where it belongs.
+    const camera_s = player.playing || player.following ? s : Infinity;
+    const moving = view.camera.update(model, view.moment, view.width, view.height, camera_s);
     const belief = page.beliefOf(view.moment.frame, view.selected);
     Object.assign(view, { belief, showsBelief: Boolean(belief) });
     view.labels.begin();
@@ -273,6 +275,12 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     refresh();
   });
   window.addEventListener("resize", () => setTimeout(refresh, 0));
+  // Before the browser shows it in its new size, which would stretch the picture of before.
+  new ResizeObserver(() => drawArena(0)).observe(canvas);
+  window.addEventListener("hashchange", () => {
+    if (model.hasFrames) applyAddress();
+    refresh();
+  });
   page.wireControls(acts);
   page.wirePointer(canvas, view, acts);
   page.listenToKeys(acts);

@@ -146,12 +146,20 @@ def test_a_member_that_is_encrypted_is_refused(tmp_path):
         read_members(path)
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x05\x06", b"no zip at all", bytes(100)])
+@pytest.mark.parametrize("content", [b"", b"no zip at all", bytes(100)])
 def test_what_is_no_zip_is_no_bundle(tmp_path, content):
     path = tmp_path / "b.zip"
     path.write_bytes(content)
-    with pytest.raises(BundleError, match="no whole bundle"):
+    with pytest.raises(NotABundle, match="no bundle: it is no zip file"):
         read_members(path)
+
+
+def test_what_begins_as_a_zip_is_a_damaged_bundle(tmp_path):
+    path = tmp_path / "b.zip"
+    path.write_bytes(b"PK\x05\x06")
+    with pytest.raises(BundleError, match="no whole bundle") as caught:
+        read_members(path)
+    assert not isinstance(caught.value, NotABundle)
 
 
 def test_what_is_not_there_or_a_directory_is_told_apart_from_what_is_altered(tmp_path):

@@ -1,7 +1,9 @@
 """Code in a bundle: packed with what it imports, run only where that was asked for."""
 
+import io
 import json
 import sys
+from contextlib import redirect_stdout
 
 import pytest
 from helpers_bundles import (
@@ -16,6 +18,7 @@ from helpers_bundles import (
 )
 
 from encircle.bundles.bundle_file import MANIFEST, PLAN
+from encircle.cli.main import main
 from encircle.protocol.plugin_files import FOLDERS
 from encircle.studies.tasks import code_and_versions
 
@@ -61,7 +64,13 @@ def policy_bundle(tmp_path_factory):
         tree = {**TREE, "name": "own", "axes": [], "strategies": ["pursuit", NAME], "seeds": 3}
         del tree["compare"]
         tree["axes"] = []
-        bundle = packed(study_of(folder, tree), folder / "own.zip", 6)
+        study = study_of(folder, tree)
+        bundle = packed(study, folder / "own.zip", 6)
+        said = io.StringIO()
+        with redirect_stdout(said):
+            out = str(folder / "again.zip")
+            assert main(["bundle", str(study.directory), "--out", out, "--recordings", "0"]) == 0
+        assert said.getvalue().endswith(f"encircle verify {out} --run-policies\n")
     for file in (folder / "own").iterdir():
         if file.suffix == ".py":
             file.unlink()

@@ -4,6 +4,7 @@ from functools import cache
 from math import hypot
 
 import pytest
+from helpers_browser import LAPTOP
 from helpers_scene import hunted
 
 from encircle.runner.hunts import run
@@ -267,6 +268,34 @@ def test_an_address_says_what_to_show(page_of):
     state = page_of(scene(), "tick=7&robot=r3&theme=dark&type=large&view=close&speed=2").state()
     keys = ("tick", "selected", "theme", "large_type", "view", "speed")
     assert [state[key] for key in keys] == [7, "r3", "dark", True, "close", 2]
+
+
+def test_an_address_that_is_changed_is_followed(page_of):
+    seen = page_of(scene(), "tick=7")
+    seen.page.evaluate("location.hash = 'tick=11&robot=r2'")
+    state = seen.until("encircle.state().tick === 11").state()
+    assert state["selected"] == "r2"
+
+
+def test_the_view_from_close_by_is_where_it_belongs_while_the_hunt_is_paused(page_of):
+    def picture(seen):
+        return seen.page.evaluate("document.getElementById('arena').toDataURL()")
+
+    shown = scene()
+    end = shown.frames[-1].tick
+    at_once = picture(page_of(shown, f"view=close&tick={end}"))
+    assert picture(page_of(shown, "view=close").do(f"seek({end})")) == at_once
+    assert picture(page_of(shown, f"tick={end}").press("z")) == at_once
+    resized = page_of(shown, f"view=close&tick={end}", viewport={"width": 700, "height": 900})
+    resized.page.set_viewport_size(LAPTOP)
+    assert picture(resized.drawn()) == at_once
+
+
+def test_after_a_change_the_radio_that_is_written_is_that_of_the_start(page_of):
+    change = 'events=[{kind="loss", tick=5, rate=0.9}]'
+    seen = page_of(scene("sim1", ("ticks_max=10", change)))
+    assert seen.do("seek(4)").text("#channel").startswith("Radio: no loss")
+    assert seen.do("seek(5)").text("#channel").startswith("Radio at the start")
 
 
 def test_text_of_others_stays_text(page_of):
