@@ -7,6 +7,7 @@ large one.
 """
 
 import hashlib
+import os
 import re
 import zipfile
 import zlib
@@ -23,16 +24,34 @@ NAME = re.compile(
     rf"{MANIFEST}|{PLAN}|{TABLE}|{REPORT}|{NUMBERS}"
     rf"|report/(?:summary|comparisons)\.csv|report/figures/{_PART}\.png"
     rf"|recordings/cell-[0-9]{{1,6}}-seed-[0-9]{{1,19}}\.mcap"
-    rf"|policies/(?:{_PART}/){{0,8}}{_PART}|traces/[0-9a-f]{{16}}\.(?:csv|parquet)"
+    rf"|policies/(?:{_PART}/){{0,8}}{_PART}\.py|traces/[0-9a-f]{{16}}\.(?:csv|parquet)"
 )
-"""The names that a bundle's members can have: none of them leads out of its directory."""
+"""The names that a bundle's members can have: none of them leads out of its directory.
+
+Of policies, sources alone: what is compiled would run in place of the source that is there to read.
+"""
 MEMBERS_MAX = 2000
 TABLE_BYTES_MAX, MEMBER_BYTES_MAX, BUNDLE_BYTES_MAX = 2**29, 2**26, 2**30
 """How large a table, any other member, and all of a bundle may be, packed and unpacked."""
+JSON_BYTES_MAX = 2**24
+"""How large a member of JSON may be, which takes many times that in memory."""
+HEADER_BYTES, ENTRY_BYTES, END_BYTES = 30, 46, 22
+"""What a zip has before each member, and for each in its directory, besides texts; and its end."""
 DATE = (1980, 1, 1, 0, 0, 0)
 LEVEL = 6
 REGULAR_FILE = 0o100644 << 16
 ZIP_BEGINS = b"PK"
+
+DAMAGED = (
+    OSError,
+    ValueError,
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    NotImplementedError,
+    RuntimeError,
+)
+"""What is raised while a zip is read that is not whole."""
 
 Members = Mapping[str, bytes]
 
@@ -64,16 +83,25 @@ def write_members(path: Path, members: Members) -> None:
 def read_members(path: Path) -> dict[str, bytes]:
     """A bundle's members by name; ``BundleError`` if it is none, or has what none can have."""
     try:
-        if path.stat().st_size > BUNDLE_BYTES_MAX:
-            raise BundleError(f"{path}: is larger than {BUNDLE_BYTES_MAX} bytes")
-        with zipfile.ZipFile(path) as file:
-            return dict(_members(path, file))
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise NotABundle(f"{path} is no bundle: it is no regular file")
+        content = path.open("rb")
     except OSError as error:
         raise NotABundle(f"{path} cannot be read: {error.strerror or error}") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        raise _damaged(path, error) from None
-    except ValueError as error:
-        raise error if isinstance(error, BundleError) else _damaged(path, error) from None
+    with content:
+        size = os.fstat(content.fileno()).st_size
+        if size > BUNDLE_BYTES_MAX:
+            raise BundleError(f"{path}: is larger than {BUNDLE_BYTES_MAX} bytes")
+        if content.read(len(ZIP_BEGINS)) != ZIP_BEGINS:
+            raise NotABundle(f"{path} is no bundle: it is no zip file")
+        try:
+            with zipfile.ZipFile(content) as file:
+                _refuse_bytes_of_no_member(path, file, size)
+                return dict(_members(path, file))
+        except BundleError:
+            raise
+        except DAMAGED as error:
+            raise BundleError(f"{path} is no whole bundle: {error}") from None
 
 
 def sha256(content: bytes) -> str:
@@ -81,11 +109,29 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _damaged(path: Path, error: Exception) -> BundleError:
-    with path.open("rb") as file:
-        if file.read(len(ZIP_BEGINS)) != ZIP_BEGINS:
-            return NotABundle(f"{path} is no bundle: it is no zip file")
-    return BundleError(f"{path} is no whole bundle: {error}")
+def _refuse_bytes_of_no_member(path: Path, file: zipfile.ZipFile, size: int) -> None:
+    """``BundleError`` if something stands before, between or after the members."""
+    infos = file.infolist()
+    entries = sum(
+        ENTRY_BYTES + len(_bytes_of(info)) + len(info.extra) + len(info.comment) for info in infos
+    )
+    starts = sorted([*(info.header_offset for info in infos), file.start_dir])
+    ends = [
+        info.header_offset + HEADER_BYTES + len(_bytes_of(info)) + info.compress_size
+        for info in sorted(infos, key=lambda info: info.header_offset)
+    ]
+    plain = not any(info.extra or info.comment for info in infos)
+    if (
+        file.comment
+        or not plain
+        or starts != [0, *ends]
+        or file.start_dir + entries + END_BYTES != size
+    ):
+        raise BundleError(f"{path}: has bytes that belong to no member, which no bundle has")
+
+
+def _bytes_of(info: zipfile.ZipInfo) -> bytes:
+    return info.orig_filename.encode()
 
 
 def _members(path: Path, file: zipfile.ZipFile) -> Iterator[tuple[str, bytes]]:
@@ -119,7 +165,9 @@ def _members(path: Path, file: zipfile.ZipFile) -> Iterator[tuple[str, bytes]]:
 
 def bytes_max(name: str) -> int:
     """How many bytes a member may have."""
-    return TABLE_BYTES_MAX if name == TABLE else MEMBER_BYTES_MAX
+    if name == TABLE:
+        return TABLE_BYTES_MAX
+    return JSON_BYTES_MAX if name in (MANIFEST, PLAN, NUMBERS) else MEMBER_BYTES_MAX
 
 
 def _refuse_large(sizes: Mapping[str, int]) -> None:

@@ -16,6 +16,7 @@ from pydantic import PrivateAttr, ValidationError
 
 from encircle.bundles.bundle_file import PLAN, POLICIES_FOLDER, TRACES_FOLDER, BundleError, sha256
 from encircle.bundles.stand_ins import load_with_stand_ins
+from encircle.bundles.strict_json import strict_json
 from encircle.bundles.table_text import ROWS_MAX
 from encircle.measures import registry as measures
 from encircle.measures.registry import is_shipped, split_name
@@ -70,7 +71,7 @@ def is_away(group: str, name: str) -> bool:
 def read_plan(content: bytes, traces: Mapping[str, Path]) -> BundlePlan:
     """The plan of a bundle, checked; ``BundleError`` if it cannot be one."""
     try:
-        plan = BundlePlan.model_validate(json.loads(content))
+        plan = BundlePlan.model_validate(strict_json(content))
         plan._traces = traces
         if not isinstance(plan.scenario, dict):
             raise BundleError(f"{PLAN}: scenario = {plan.scenario!r}: must be a table")

@@ -69,7 +69,7 @@ def opened(path: Path, found: Verification) -> Iterator[Contents | None]:
             plan = read_plan(members[PLAN], _traces_in(members, tree, folder))
             rows = read_table(plan, members[TABLE])
         except BundleError as error:
-            found.differs("bundle", "", " ".join(str(error).split()), "a plan and its table")
+            found.differs("bundle", "", " ".join(str(error).split()), "what can be read")
             found.unchecked.append("rows, recordings and report: plan or table cannot be read")
             yield None
             return
@@ -159,14 +159,16 @@ def _check_manifest(contents: Contents, found: Verification) -> None:
             found.differs(name, "", "a trace", "no scenario of the plan reads it")
     made["policies"] = sorted(n for n in contents.members if n.startswith(POLICIES_FOLDER))
     for key in sorted({*made, *given} - {"members"}):
-        if given.get(key) != made.get(key) or (key in given) != (key in made):
-            found.differs(MANIFEST, key, json.dumps(given.get(key)), json.dumps(made.get(key)))
+        theirs, own = (json.dumps(tree.get(key), sort_keys=True) for tree in (given, made))
+        # As texts: 2.0 is no number of cells.
+        if theirs != own or (key in given) != (key in made):
+            found.differs(MANIFEST, key, theirs, own)
     if found.count == before:
-        found.agreed.append("the manifest is that of plan, table and members")
+        found.agreed.append("what the manifest says of plan, table and code follows from them")
 
 
 def _check_sample(contents: Contents, found: Verification) -> None:
-    """The recordings are those that the sample's seed draws, so that nobody could choose them."""
+    """The recordings are those that the sample's seed draws, which is the packer's choice."""
     plan, sample = contents.plan, contents.manifest["sample"]
     seed, count = sample.get("seed"), sample.get("recordings")
     sound = all(type(number) is int and 0 <= number < 2**63 for number in (seed, count))
@@ -211,5 +213,7 @@ def _written(members: Members, member: str, folder: Path) -> Path:
         path.write_bytes(members[member])
     except OSError as error:
         # As of a file where another member has a folder.
-        raise BundleError(f"{member}: {error.strerror}") from None
+        raise BundleError(
+            f"{member} cannot be unpacked beside the rest: {error.strerror}"
+        ) from None
     return path

@@ -39,7 +39,7 @@ from encircle.whole_files import made_whole
 
 RECORDINGS = 2
 ENDING = ".zip"
-COMPILED = (".pyc", ".pyo")
+SOURCE = ".py"
 
 
 class Packed(NamedTuple):
@@ -58,6 +58,7 @@ class Packed(NamedTuple):
     left_out: tuple[str, ...]
 
 
+@signals_held()
 def pack(
     directory: Path,
     out: Path,
@@ -73,7 +74,7 @@ def pack(
     cannot be made.
     """
     plan = plan_in(directory)
-    with signals_held(), closing(Study(plan, directory).open()) as table:
+    with closing(Study(plan, directory).open()) as table:
         missing = int((~table.done & ~table.failed).sum())
         if missing:
             raise StudyError(
@@ -83,6 +84,7 @@ def pack(
         members = {PLAN: plan_text(plan).encode(), TABLE: table_text(plan, rows).encode()}
         members |= report_members(plan, table)
         code = table.owner["code"]
+    check()
     traces = {name: _trace(name) for name in sorted(trace_names(plan))}
     members |= dict(traces.values())
     policies, left_out = _policies(plan)
@@ -177,10 +179,10 @@ def _policies(plan: Plan) -> tuple[dict[str, bytes], tuple[str, ...]]:
     packed = {path_of(name) for name in named}
     for source, path in sorted(plugin_files(plan.plugins).items()):
         resolved = path.resolve()
-        if resolved in packed or resolved.suffix in COMPILED:
+        if resolved in packed:
             continue
         folder = next((f for f in folders if resolved.is_relative_to(f)), None)
-        if folder is None:
+        if folder is None or resolved.suffix != SOURCE:
             left_out.append(source)
             continue
         within = resolved.relative_to(folder).as_posix()

@@ -16,23 +16,33 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-import numpy as np
-from PIL import Image
 
 from encircle.bundles.bundle_file import FIGURES_FOLDER, NUMBERS, REPORT, REPORT_FOLDER
 from encircle.bundles.contents import Contents
 from encircle.bundles.findings import Verification
+from encircle.bundles.pictures import picture_problem
 from encircle.bundles.report_members import report_members
+from encircle.bundles.strict_json import strict_json
 from encircle.protocol.plugins import error_line
 from encircle.studies.study_table import StudyTable
 
 RELATIVE, ABSOLUTE = 1e-9, 1e-12
+LARGE = 1e300
 BOUNDS = ("value", "low", "high")
 IMAGE = re.compile(rb"data:image/png;base64,([A-Za-z0-9+/=]*)")
-TAGS = re.compile(r"<[^>]*>")
-PIXELS_MAX = 2**26
+TAGS = re.compile(r"<[^<>]*>")
 
 Differs = Callable[[str, Any, Any], None]
+
+
+class _Nothing:
+    """In place of what only one of two trees has; no text is equal to it."""
+
+    def __str__(self) -> str:
+        return "not there"
+
+
+NOTHING = _Nothing()
 
 
 def check_report(contents: Contents, found: Verification) -> None:
@@ -54,12 +64,13 @@ def check_report(contents: Contents, found: Verification) -> None:
         elif name not in made:
             found.differs(name, "", "a part of the report", "the report has none of that name")
         elif not name.startswith(FIGURES_FOLDER):
-            _compare_texts(name, given[name], made[name], found)
+            _compare_texts(name, given[name], made[name], contents, found)
     if found.count == before:
         count = sum(1 for _ in _leaves(json.loads(made[NUMBERS])))
+        csv_files = " and its CSV files" if any(name.endswith(".csv") for name in made) else ""
         found.agreed.append(
             f"the report, computed again from the table: {count} numbers and sentences, its page"
-            " and its CSV files"
+            f"{csv_files}"
         )
     _check_figures(contents, given, made, found)
 
@@ -75,7 +86,9 @@ def _made(contents: Contents) -> dict[str, bytes]:
         table.close()
 
 
-def _compare_texts(name: str, given: bytes, made: bytes, found: Verification) -> None:
+def _compare_texts(
+    name: str, given: bytes, made: bytes, contents: Contents, found: Verification
+) -> None:
     def differs(what: str, theirs: Any, own: Any) -> None:
         found.differs(name, what, theirs, own)
 
@@ -83,9 +96,10 @@ def _compare_texts(name: str, given: bytes, made: bytes, found: Verification) ->
         return
     try:
         if name == NUMBERS:
-            _compare_trees(json.loads(given), json.loads(made), "", differs)
+            _compare_trees(strict_json(given), json.loads(made), "", differs)
         elif name == REPORT:
             _compare_pages(given, made, differs)
+            _compare_page_pictures(given, made, contents, found)
         else:
             _compare_csv(given.decode(), made.decode(), differs)
     except (ValueError, RecursionError, csv.Error) as error:
@@ -96,11 +110,12 @@ def _compare_trees(given: Any, made: Any, where: str, differs: Differs) -> None:
     """Enter every leaf of two trees that differs."""
     if isinstance(given, dict) and isinstance(made, dict):
         for key in sorted({*given, *made}):
-            own = made.get(key, "nothing")
-            _compare_trees(given.get(key, "nothing"), own, f"{where}{key} ", differs)
+            own = made.get(key, NOTHING)
+            _compare_trees(given.get(key, NOTHING), own, f"{where}{key} ", differs)
     elif isinstance(given, list) and isinstance(made, list):
-        for index, (theirs, own) in enumerate(zip_longest(given, made, fillvalue="nothing")):
-            part = BOUNDS[index] if _is_interval(made) else str(index)
+        for index, (theirs, own) in enumerate(zip_longest(given, made, fillvalue=NOTHING)):
+            named = _is_interval(made) and index < len(BOUNDS)
+            part = BOUNDS[index] if named else str(index)
             _compare_trees(theirs, own, f"{where}{part} ", differs)
     elif not _same(given, made):
         differs(where.strip(), given, made)
@@ -113,7 +128,7 @@ def _is_interval(numbers: list[Any]) -> bool:
 
 def _same(given: Any, made: Any) -> bool:
     numbers = all(isinstance(n, int | float) and not isinstance(n, bool) for n in (given, made))
-    if numbers:
+    if numbers and abs(given) < LARGE:
         return isclose(given, made, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
     return type(given) is type(made) and bool(given == made)
 
@@ -149,7 +164,7 @@ def _same_text(given: str, made: str) -> bool:
 
 
 def _compare_pages(given: bytes, made: bytes, differs: Differs) -> None:
-    """Compare the text of two pages line by line, and the pictures in them by their pixels."""
+    """Compare the text of two pages line by line, without the pictures in them."""
     theirs, own = (IMAGE.sub(b"data:image", page).decode().split("\n") for page in (given, made))
     for number, (line, mine) in enumerate(zip_longest(theirs, own), start=1):
         if line != mine:
@@ -160,12 +175,16 @@ def _compare_pages(given: bytes, made: bytes, differs: Differs) -> None:
             if len(theirs) != len(own):
                 # All that follows is moved.
                 return
+
+
+def _compare_page_pictures(
+    given: bytes, made: bytes, contents: Contents, found: Verification
+) -> None:
     images, own_images = (IMAGE.findall(page) for page in (given, made))
     for number, (image, mine) in enumerate(zip_longest(images, own_images), start=1):
-        if image != mine:
-            problem = _picture_problem(_decoded(image), _decoded(mine))
-            if problem:
-                differs(f"picture {number}", problem, "the same picture")
+        problem = "" if image == mine else picture_problem(_decoded(image), _decoded(mine))
+        if problem:
+            _enter_picture(REPORT, f"picture {number}", problem, contents, found)
 
 
 def _decoded(text: bytes | None) -> bytes:
@@ -192,35 +211,24 @@ def _check_figures(
     contents: Contents, given: dict[str, bytes], made: dict[str, bytes], found: Verification
 ) -> None:
     names = [name for name in sorted(given) if name in made and name.startswith(FIGURES_FOLDER)]
-    drawn = contents.manifest["drawn_with"].get("matplotlib")
-    problems = {name: _picture_problem(given[name], made[name]) for name in names}
+    problems = {name: picture_problem(given[name], made[name]) for name in names}
     different = {name: problem for name, problem in problems.items() if problem}
     found.numbers["figures"] = {"of": len(names), "different": len(different)}
-    if not different:
+    if names and not different:
         found.agreed.append(f"{len(names)} figures, drawn again, have the same pixels")
     for name, problem in different.items():
-        if drawn == matplotlib.__version__:
-            found.differs(name, "", problem, "the same picture")
-        else:
-            found.unchecked.append(
-                f"{name}: drawn by matplotlib {str(drawn)[:20]}, here by {matplotlib.__version__},"
-                f" and not the same: {problem}"
-            )
+        _enter_picture(name, "", problem, contents, found)
 
 
-def _picture_problem(given: bytes, made: bytes) -> str:
-    """How two pictures differ; empty if they have the same pixels."""
-    if given == made:
-        return ""
-    try:
-        with (
-            Image.open(io.BytesIO(made)) as own,
-            Image.open(io.BytesIO(given), formats=["PNG"]) as it,
-        ):
-            if it.size != own.size or it.size[0] * it.size[1] > PIXELS_MAX:
-                return f"{it.size[0]} by {it.size[1]} pixels, not {own.size[0]} by {own.size[1]}"
-            one, other = (np.asarray(picture.convert("RGBA")) for picture in (it, own))
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        return f"cannot be read: {error_line(error)}"
-    pixels = int((one != other).any(axis=-1).sum())
-    return f"{pixels} of {one.shape[0] * one.shape[1]} pixels differ" if pixels else ""
+def _enter_picture(
+    where: str, what: str, problem: str, contents: Contents, found: Verification
+) -> None:
+    """Enter a picture that is another one, which another matplotlib may have drawn."""
+    drawn = contents.manifest["drawn_with"]["matplotlib"]
+    if drawn == matplotlib.__version__:
+        found.differs(where, what, problem, "the same picture")
+    else:
+        found.unchecked.append(
+            f"{', '.join(filter(None, (where, what)))}: drawn by matplotlib {drawn}, here by"
+            f" {matplotlib.__version__}, and not the same: {problem}"
+        )

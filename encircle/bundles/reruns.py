@@ -58,8 +58,8 @@ def do(policies: str, job: Job) -> Answer:
         os.environ[FOLDERS] = os.pathsep.join(filter(None, [policies, *folders]))
     try:
         return look_at(job) if isinstance(job, RecordingJob) else run_task(job)
-    except Exception as error:
-        # What is run is a stranger's.
+    except BaseException as error:
+        # What is run is a stranger's, and may raise what it likes; signals raise nothing here.
         reason = error.args[0] if isinstance(error, ScenarioError) else error_line(error)
         rows = 0 if isinstance(job, RecordingJob) else len(job.seeds)
         return NotRun(job.cell, rows, int(not rows), " ".join(str(reason).split()))
@@ -104,9 +104,10 @@ def check_by_running(
     ran = [run for run in chosen if run in again]
     different = sum(_compare_row(contents, found, there[run], again[run]) for run in ran)
     _say_not_run(found, not_run)
+    _say_lacking(contents, found, able, runs_files)
     _say_rows(contents, found, ran, different, set(able) - {one.cell for one in not_run}, seed)
     _say_code(contents, found, codes if not away else set(), different)
-    _say_recordings(contents, found, looked)
+    _say_recordings(contents, found, looked, sum(one.recordings for one in not_run))
 
 
 def _cells_that_run(contents: Contents, runs_files: bool) -> tuple[list[int], set[tuple[str, str]]]:
@@ -201,8 +202,6 @@ def _say_rows(
     seeds, run, could = len(plan.seed_list), len(ran), len(able) * len(plan.seed_list)
     numbers = {"of": len(contents.rows), "rerun": run, "different": different, "seed": seed}
     found.numbers["rows"] = numbers
-    if lacking := sorted({name for c in range(len(plan.cells)) for _, name in plan.needed(c)}):
-        _say_lacking(found, lacking, plan.runs - could, plan.runs)
     if run and not different:
         found.agreed.append(
             f"{run} of {len(contents.rows)} rows were rerun: their digests and all"
@@ -220,13 +219,19 @@ def _say_rows(
     found.unchecked.append(f"{UNREPEATABLE}, how long a run took, is another each time")
 
 
-def _say_lacking(found: Verification, lacking: Sequence[str], rows: int, of: int) -> None:
-    if rows:
-        in_files = any(is_in_file(name) for name in lacking)
+def _say_lacking(
+    contents: Contents, found: Verification, able: Sequence[int], runs_files: bool
+) -> None:
+    """Which rows need code that was not run. ``able``: the cells whose runs may be run here."""
+    plan = contents.plan
+    cells = [cell for cell in range(len(plan.cells)) if cell not in able]
+    if cells:
+        lacking = sorted({name for cell in cells for _, name in plan.needed(cell)})
+        in_files = not runs_files and any(map(is_in_file, lacking))
         hint = "; --run-policies runs those in the bundle, read them first" if in_files else ""
         found.unchecked.append(
-            f"{rows} of {of} rows: they need {', '.join(lacking)}, which is code that was not run,"
-            f" or is not here{hint}"
+            f"{len(cells) * len(plan.seed_list)} of {plan.runs} rows: they need"
+            f" {', '.join(lacking)}, which is code that was not run, or is not here{hint}"
         )
 
 
@@ -246,8 +251,12 @@ def _say_code(contents: Contents, found: Verification, codes: set[str], differen
 
 
 def _say_recordings(
-    contents: Contents, found: Verification, looked: Sequence[RecordingFindings]
+    contents: Contents,
+    found: Verification,
+    looked: Sequence[RecordingFindings],
+    not_run: int,
 ) -> None:
+    """What came of the recordings; ``not_run``: how many were tried in vain, and are told of."""
     digests = {(row["cell"], row["seed"]): row["digest"] for row in contents.rows}
     other_versions = 0
     before = found.count
@@ -271,8 +280,9 @@ def _say_recordings(
             f"{other_versions} recordings were made by other versions: their messages are the same,"
             " the rest of the files was not compared"
         )
-    if len(looked) < there:
-        found.unchecked.append(f"{there - len(looked)} recordings: their runs cannot be run here")
+    if left := there - len(looked) - not_run:
+        why = "their runs cannot be run here" if contents.rows else "there is no row of their runs"
+        found.unchecked.append(f"{left} recordings: {why}")
 
 
 def versions_text(contents: Contents) -> str:
@@ -283,6 +293,7 @@ def versions_text(contents: Contents) -> str:
         theirs = json.loads(contents.rows[0]["versions"])
         own = versions()
         others = [f"{k} {theirs[k]} (here {own[k]})" for k in own if theirs.get(k) != own[k]]
+        others += [f"{k} {v} (not known here)" for k, v in theirs.items() if k not in own]
     except (ValueError, IndexError, AttributeError, KeyError):
         return "versions that cannot be read"
     return ", ".join(others)

@@ -70,9 +70,12 @@ def read_table(plan: Plan, content: bytes) -> list[Row]:
 
 
 def equal(one: Any, other: Any) -> bool:
-    """Whether two values of a table are the same; undefined numbers are."""
-    both = isinstance(one, float) and isinstance(other, float)
-    return bool(one == other or (both and math.isnan(one) and math.isnan(other)))
+    """Whether two values of a table are the same, to the last bit; undefined numbers are."""
+    if isinstance(one, float) and isinstance(other, float):
+        if math.isnan(one) or math.isnan(other):
+            return math.isnan(one) and math.isnan(other)
+        return one == other and math.copysign(1.0, one) == math.copysign(1.0, other)
+    return bool(one == other)
 
 
 def _header_problem(header: Sequence[str], expected: Sequence[str]) -> str:

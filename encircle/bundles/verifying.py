@@ -9,6 +9,7 @@ from encircle.bundles.contents import opened
 from encircle.bundles.findings import Verification
 from encircle.bundles.report_checks import check_report
 from encircle.bundles.reruns import check_by_running, versions_text
+from encircle.protocol.process.interrupts import check, signals_held
 
 ROWS = 20
 SEED_BITS = 32
@@ -30,10 +31,12 @@ def verify(
     which are code, may be run. ``tell`` gets how many runs are done, and of how many.
     """
     found = Verification()
-    with opened(path, found) as contents:
+    with signals_held(), opened(path, found) as contents:
+        check()
         if contents is not None:
             found.numbers["study"] = contents.plan.name
             check_report(contents, found)
+            check()
             drawn = secrets.randbits(SEED_BITS) if seed is None else seed
             check_by_running(
                 contents, found, rows, drawn, runs_files, workers or os.cpu_count() or 1, tell

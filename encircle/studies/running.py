@@ -43,8 +43,8 @@ def run_seed(task: Task, scenario: Scenario, seed: int, code: tuple[str, str]) -
         return failed_row(task, seed, str(error), error.failed.trace, begun_s, code)
     except PluginFailed as error:
         return failed_row(task, seed, str(error), error.trace, begun_s, code)
-    except Exception as error:
-        # An error in one run must not end the other runs.
+    except (Exception, KeyboardInterrupt) as error:
+        # An error in one run must not end the other runs. No signal raises one here: a policy has.
         trace = "".join(traceback.format_exception(error))
         return failed_row(task, seed, error_line(error), trace, begun_s, code)
 

@@ -7,6 +7,7 @@ may come to its end before; then it says nothing of it.
 import json
 import random
 import re
+import shutil
 import signal
 import sys
 import threading
@@ -21,6 +22,7 @@ from helpers_interrupts import Group
 from helpers_waiting import completed, until
 
 import encircle
+from encircle.bundles.packing import pack
 from encircle.protocol.process.interrupts import (
     STATUS,
     Interrupted,
@@ -61,6 +63,8 @@ COMMANDS: dict[str, tuple[int, float, tuple[str, ...]]] = {
     "trace": (0, 1.0, ("encircle", "trace", "recorded", "--out", "made.csv")),
     "certificates": (0, 1.0, ("encircle", "certificates", "made", "--robots", "16")),
     "scenarios": (0, 0.6, ("encircle", "scenarios")),
+    "bundle": (0, 4.0, ("encircle", "bundle", "studied", "--out", "made.zip")),
+    "verify": (0, 5.0, ("encircle", "verify", "studied.zip", "--all")),
 }
 """How many lines one says before its end at most, a time in s, and the command."""
 GOES_ON = ("run", "run in memory", "run and watch", "run in memory and watch", "study")
@@ -72,8 +76,19 @@ UNHEARD = ("Traceback", "leaked", "ignored", "KeyboardInterrupt", "Aborted", "Er
 NIGHTLY_SEEDS = 12
 
 
+@pytest.fixture(scope="session")
+def studied(tmp_path_factory) -> Path:
+    """A folder with a small study, and its bundle beside it."""
+    folder = tmp_path_factory.mktemp("studied")
+    few = {"name": "few", "scenario": "sim1", "seeds": 12, "set": {"ticks_max": 40}}
+    encircle.study(few, folder / "studied").run(workers=1)
+    pack(folder / "studied", folder / "studied.zip")
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path) -> Path:
+def folder(tmp_path, studied) -> Path:
+    shutil.copytree(studied, tmp_path, dirs_exist_ok=True)
     encircle.run("sim2", link="memory", out=tmp_path / "recorded")
     (tmp_path / "study.toml").write_text(
         'name = "two"\nscenario = "sim1"\nseeds = 12\n'

@@ -20,6 +20,8 @@ from encircle.world.scenario.fields import DELAY_S_MAX, shown
 
 COLUMNS = ("lost", "delay_s", "sender", "receiver")
 ROBOT = re.compile(r"r[1-9][0-9]*", re.ASCII)
+CELL_BYTES_MAX, PARQUET_BYTES_MAX = 64, 2**28
+"""How long a text in a Parquet file may be, and all of it when it is unpacked."""
 BITS = {"0": 0, "1": 1, "false": 0, "true": 1, "0.0": 0, "1.0": 1}
 
 
@@ -162,20 +164,40 @@ def _from_csv(path: Path) -> Trace:
 
 def _from_parquet(path: Path) -> Trace:
     try:
-        from pyarrow import ArrowException, parquet
+        from pyarrow import ArrowException, parquet, types
     except ImportError:
         raise TraceError(
             f"{path}: reading Parquet needs pyarrow (pip install 'encircle[studies]'), CSV does not"
         ) from None
     try:
         with parquet.ParquetFile(path) as file:
-            rows, names = file.metadata.num_rows, file.schema_arrow.names
-            if rows > TRACE_ROWS_MAX:
-                raise _too_long(path, str(rows))
-            columns = file.read(columns=[name for name in names if name in COLUMNS]).to_pydict()
-            return Trace(path, names, columns, rows)
+            rows, schema, head = file.metadata.num_rows, file.schema_arrow, file.metadata
+        if rows > TRACE_ROWS_MAX:
+            raise _too_long(path, str(rows))
+        size = sum(head.row_group(k).total_byte_size for k in range(head.num_row_groups))
+        if size > PARQUET_BYTES_MAX:
+            raise TraceError(f"{path}: unpacks to {size} bytes, at most {PARQUET_BYTES_MAX} may be")
+        read = [name for name in schema.names if name in COLUMNS]
+        texts = [name for name in read if types.is_string(schema.field(name).type)]
+        # A few long texts, many times, are a small file and a huge table: each is had once.
+        with parquet.ParquetFile(path, read_dictionary=texts) as file:
+            table = file.read(columns=read)
+        for name in texts:
+            _check_texts(path, name, table[name])
+        return Trace(path, schema.names, table.to_pydict(), rows)
     except ArrowException as error:
         raise TraceError(f"{path} cannot be read: {error}") from None
+
+
+def _check_texts(path: Path, name: str, column: Any) -> None:
+    from pyarrow import compute
+
+    for chunk in column.chunks:
+        longest = compute.max(compute.binary_length(chunk.dictionary)).as_py() or 0
+        if longest > CELL_BYTES_MAX:
+            raise TraceError(
+                f"{path}, {name}: has a text of {longest} bytes, at most {CELL_BYTES_MAX} may be"
+            )
 
 
 def _too_long(path: Path, rows: str) -> TraceError:

@@ -1,5 +1,6 @@
 """Whatever is altered in a bundle is found, also where the alteration is covered up."""
 
+import base64
 import io
 import json
 import math
@@ -255,10 +256,24 @@ def test_a_figure_of_another_matplotlib_is_not_checked_and_that_is_said(members,
     name = next(name for name in members if name.endswith(".png"))
     members[name] = repainted(members[name])
     tree = json.loads(members[MANIFEST])
-    members[MANIFEST] = json.dumps({**tree, "drawn_with": {"matplotlib": "1.0"}}).encode()
+    members[MANIFEST] = json.dumps(
+        {**tree, "drawn_with": {"matplotlib": "1.0", "numpy": "1.0"}}
+    ).encode()
     found = verified(written(with_hashes(members), path), monkeypatch)
     assert found.count == 0
     assert any(line.startswith(f"{name}: drawn by matplotlib 1.0") for line in found.unchecked)
+
+
+def test_neither_is_one_in_the_page_of_another_matplotlib(members, path, monkeypatch):
+    name = next(name for name in members if name.endswith(".png"))
+    old, new = (base64.b64encode(c) for c in (members[name], repainted(members[name])))
+    members[REPORT] = members[REPORT].replace(old, new)
+    tree = json.loads(members[MANIFEST])
+    tree["drawn_with"]["matplotlib"] = "1.0"
+    members[MANIFEST] = json.dumps(tree).encode()
+    found = verified(written(with_hashes(members), path), monkeypatch)
+    assert found.count == 0
+    assert any(line.startswith(f"{REPORT}, picture") for line in found.unchecked)
 
 
 @pytest.mark.parametrize("name", ["report/figures/survival.png", "report/comparisons.csv"])
@@ -271,8 +286,6 @@ def test_a_part_of_the_report_that_is_missing_is_named(members, path, monkeypatc
 
 def test_a_figure_inside_the_page_is_compared_too(members, path, monkeypatch):
     """Whoever reads the page sees that one."""
-    import base64
-
     name = next(name for name in members if name.endswith(".png"))
     old, new = (base64.b64encode(c) for c in (members[name], repainted(members[name])))
     assert old in members[REPORT]

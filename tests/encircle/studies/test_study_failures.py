@@ -33,6 +33,10 @@ def moody(memory, view):
 
 def never(memory, view):
     raise ValueError("never")
+
+
+def interrupts(memory, view):
+    raise KeyboardInterrupt
 '''
 
 
@@ -45,6 +49,7 @@ def forked_workers():
 def installed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plugins")
     entries = ["strategies moody = moods:moody", "strategies never = moods:never"]
+    entries += ["strategies interrupts = moods:interrupts"]
     plugins.put_there(folder, {"moods.py": SOURCE}, entries)
     with pytest.MonkeyPatch.context() as monkeypatch:
         plugins.make_importable(folder, monkeypatch)
@@ -213,3 +218,11 @@ def test_a_team_that_cannot_be_placed_with_a_seed_is_a_failed_run(tmp_path):
     frame, failed, _ = table_of(study)
     assert failed.all()
     assert "ScenarioError" in frame.failed[0]
+
+
+def test_a_policy_that_raises_what_ctrl_c_raises_has_failed_like_any_other(tmp_path):
+    study_run = encircle.study(tree("interrupts", seeds=2), tmp_path / "t")
+    assert study_run.run(workers=1) == 4
+    with pytest.warns(RuntimeWarning, match="2 of 4 runs failed"):
+        table = study_run.table()
+    assert failing(table) == {("interrupts", 1), ("interrupts", 2)}

@@ -252,6 +252,22 @@ def test_parquet_says_the_same_as_csv(tmp_path):
     assert f"{TRACE_ROWS_MAX + 1} rows" in refusal(path)
 
 
+def test_a_small_parquet_file_does_not_become_a_huge_table(tmp_path):
+    import pyarrow
+    from pyarrow import parquet
+
+    path = tmp_path / "trace.parquet"
+    # One text of 64 KiB, 5,000 times.
+    long = pyarrow.DictionaryArray.from_arrays([0] * 5_000, ["0" * 2**16])
+    table = pyarrow.table({"lost": long.cast(pyarrow.string())})
+    parquet.write_table(table, path, dictionary_pagesize_limit=2**20)
+    assert path.stat().st_size < 2**16
+    assert "lost: has a text of 65536 bytes, at most 64 may be" in refusal(path)
+    parquet.write_table(table, path, use_dictionary=False)
+    assert path.stat().st_size < 2**26
+    assert "unpacks to 327" in refusal(path)
+
+
 def test_without_pyarrow_parquet_is_refused_and_says_what_is_missing(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     said = refusal(tmp_path / "trace.parquet")
