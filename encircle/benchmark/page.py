@@ -39,9 +39,9 @@ PAGE_FILE, SCORES_FILE, TASKS_FILE = "benchmark.html", "scores.csv", "tasks.csv"
 class Submission(NamedTuple):
     """A policy that is compared with the published ones.
 
-    ``name``: as it was submitted. ``policy``: what it was named by. ``held_out``: its runs on the
-    held-out seeds. ``failed``: how many of its runs failed. ``unchecked``: what is not known of
-    runs that another has made.
+    ``name``: as it was submitted. ``policy``: what it was named by, with its own parameters.
+    ``held_out``: its runs on the held-out seeds. ``failed``: how many of its runs failed.
+    ``unchecked``: what is not known of runs that another has made.
     """
 
     name: str

@@ -28,7 +28,7 @@ from encircle.benchmark.sentences import (
     try_sentence,
     verify_command,
 )
-from encircle.benchmark.tables import BenchmarkRuns, read_runs, runs_of
+from encircle.benchmark.tables import OWN_PARAMETERS, BenchmarkRuns, read_runs, runs_of
 from encircle.benchmark.tasks import POLICIES, STUDY, VERSION, submission_plan
 from encircle.bundles.contents import opened
 from encircle.bundles.findings import Verification
@@ -131,7 +131,9 @@ def write_submission_page(
     public, held_out = split_seeds(runs)
     outcomes = public.beside(table.outcomes)
     origin = Origin(runs.code, table.code, tuple(commands))
-    submission = Submission(name, policy, held_out, runs.failed, tuple(unchecked))
+    parameters = [line.removeprefix(OWN_PARAMETERS) for line in runs.plan.changes]
+    named = ", ".join([policy, *parameters])
+    submission = Submission(name, named, held_out, runs.failed, tuple(unchecked))
     page = write_page(outcomes, origin, directory, submission)
     ranked = scores(outcomes)
     (score,) = [score for score in ranked.of if score.policy == name]

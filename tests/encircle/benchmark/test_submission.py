@@ -13,7 +13,7 @@ from helpers_pages import Page
 from encircle.benchmark.command import SEEDS_MAX
 from encircle.benchmark.published import published
 from encircle.benchmark.seeds import SEEDS, held_out_seeds
-from encircle.benchmark.submission import Request, split_seeds
+from encircle.benchmark.submission import Request, split_seeds, write_submission_page
 from encircle.benchmark.tables import read_runs
 from encircle.benchmark.tasks import submission_plan, tasks
 from encircle.cli.main import main
@@ -207,6 +207,14 @@ def test_the_command_on_the_page_repeats_the_numbers():
         "encircle benchmark 'a b.py:f' --name 'Jo'\"'\"'s' --set k=1 --seeds 3"
     )
     assert "--seeds" not in replace(request, seeds=SEEDS).command
+
+
+def test_the_page_names_the_own_parameters_that_were_set(submitted, tmp_path):
+    runs = read_runs(submitted[1])
+    changed = runs.plan.model_copy(update={"changes": ("team.policy_parameters.k=1.5",)})
+    answer = write_submission_page(runs._replace(plan=changed), ("a command",), tmp_path / "p")
+    text = Path(answer["page"]).read_text(encoding="utf-8")
+    assert "Policy: my_robots.py:mine, k=1.5." in text
 
 
 def test_runs_of_several_policies_are_no_submission(submitted):
