@@ -35,7 +35,10 @@ LIGHT_MIN = 0.18
 def write_figures(
     outcomes: Outcomes, scores: Scores, directory: Path, own: Collection[str] = ()
 ) -> tuple[Chart, ...]:
-    """Draw all figures into the directory ``figures`` in a directory; ``own``: names in bold."""
+    """Draw all figures into the directory ``figures`` in a directory; ``own``: names in bold.
+
+    Of a single seed there is none of ranks.
+    """
     folder = directory / FIGURES
     folder.mkdir(parents=True, exist_ok=True)
     charts = []
@@ -50,7 +53,8 @@ def write_figures(
 def _figures(outcomes: Outcomes, scores: Scores, own: Collection[str]) -> Iterator[DrawnFigure]:
     yield draw_scores(scores, own)
     yield draw_tasks(outcomes, scores, own)
-    yield draw_ranks(scores, own)
+    if scores.of[0].is_bounded:
+        yield draw_ranks(scores, own)
 
 
 def draw_scores(scores: Scores, own: Collection[str] = ()) -> DrawnFigure:
@@ -77,6 +81,8 @@ def draw_scores(scores: Scores, own: Collection[str] = ()) -> DrawnFigure:
         "Scores. Thick: 95 % interval over seeds, on these tasks. Thin: 95 % interval over seeds"
         " and tasks, for other tasks of this kind. Comparisons within seeds are sharper than these"
         " intervals, which are of each policy for itself."
+        if scores.of[0].is_bounded
+        else "Scores of a single seed, which has no intervals."
     )
     alt = "; ".join(f"{s.policy} {100.0 * s.over_all.value:.0f} %" for s in scores.of)
     return DrawnFigure("scores", figure, caption, f"Scores: {alt}.")

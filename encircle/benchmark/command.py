@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from encircle.benchmark.submission import Request
 
 SEEDS_MAX, WORKERS_MAX = 100, 1024
+OF_RUNS = ("name", "seeds", "set", "workers")
+"""The options that say something of runs, and nothing of a bundle, whose runs are made."""
 
 
 def main(arguments: Sequence[str], program: str) -> int:
@@ -23,6 +25,7 @@ def main(arguments: Sequence[str], program: str) -> int:
     options = _options(program)
     settings = options.parse(arguments)
     bundle = settings.policy is not None and settings.policy.endswith(".zip")
+    _refuse_meaningless(options, settings, bundle)
     if settings.policy is not None and not bundle and settings.name is None:
         options.error('a policy needs --name, as in --name "Jane\'s auction": it heads the page')
     if bundle and settings.out is None:
@@ -50,6 +53,19 @@ def main(arguments: Sequence[str], program: str) -> int:
     return 0
 
 
+def _refuse_meaningless(options: Options, settings: Namespace, bundle: bool) -> None:
+    """Refuse options that would change nothing; none of them has a default."""
+    names: tuple[str, ...] = ()
+    why = ""
+    if settings.policy is None:
+        names, why = (*OF_RUNS, "out", "json"), "without a POLICY the published table is printed"
+    elif bundle:
+        names, why = OF_RUNS, "a bundle has its name, seeds and runs in it"
+    for name in names:
+        if getattr(settings, name) not in (None, [], False):
+            options.error(f"--{name} means nothing here: {why}")
+
+
 def _request(settings: Namespace) -> "Request":
     from encircle.benchmark.submission import Request
 
@@ -57,7 +73,7 @@ def _request(settings: Namespace) -> "Request":
         settings.policy,
         settings.name,
         settings.out,
-        settings.seeds,
+        SEEDS_MAX if settings.seeds is None else settings.seeds,
         settings.workers,
         settings.set,
     )
@@ -74,6 +90,8 @@ def _show(answer: dict[str, Any], as_json: bool) -> None:
             f"encircle: {answer['failed']} of {answer['runs']} runs failed, and count as hunts"
             f" without capture: see {Path(answer['out']) / 'failed'}"
         )
+    for sentence in answer.get("unchecked", ()):
+        say(f"not checked: {sentence}")
     say(f"page    {answer['page']}")
     if "bundle" in answer:
         say(f"bundle  {answer['bundle']}")
@@ -102,9 +120,8 @@ def _options(program: str) -> Options:
     options.add(
         "--seeds",
         f"how many public seeds, and how many held-out ones, 1 to {SEEDS_MAX}; fewer than"
-        f" {SEEDS_MAX} are for a first try",
+        f" {SEEDS_MAX} are for a first try; {SEEDS_MAX} if left out",
         read=whole_number_in(1, SEEDS_MAX),
-        default=SEEDS_MAX,
         metavar="N",
     )
     options.add_list(

@@ -25,6 +25,7 @@ from encircle.benchmark.sentences import (
     percent,
     points,
     table_sentences,
+    try_sentence,
     verdict_text,
 )
 from encircle.benchmark.tasks import VERSION, task_named, tasks_digest
@@ -38,14 +39,16 @@ PAGE_FILE, SCORES_FILE, TASKS_FILE = "benchmark.html", "scores.csv", "tasks.csv"
 class Submission(NamedTuple):
     """A policy that is compared with the published ones.
 
-    ``name``: as it was submitted. ``policy``: what it was named by. ``held_out``: its runs on the
-    held-out seeds. ``failed``: how many of its runs failed.
+    ``name``: as it was submitted. ``policy``: what it was named by, with its own parameters.
+    ``held_out``: its runs on the held-out seeds. ``failed``: how many of its runs failed.
+    ``unchecked``: what is not known of runs that another has made.
     """
 
     name: str
     policy: str
     held_out: Outcomes
     failed: int = 0
+    unchecked: tuple[str, ...] = ()
 
 
 class Origin(NamedTuple):
@@ -112,9 +115,9 @@ def _findings(outcomes: Outcomes, ranked: Scores, submission: Submission | None)
         lines.append(
             f"{submission.failed} of its {runs} runs failed, and count as hunts without capture."
         )
-    if min(len(outcomes.seeds), len(submission.held_out.seeds)) < SEEDS:
-        lines.append(f"This is a try with few seeds: scores to publish are made of {SEEDS} each.")
-    yield page.bullets(lines)
+    if (seeds := min(len(outcomes.seeds), len(submission.held_out.seeds))) < SEEDS:
+        lines.append(try_sentence(seeds))
+    yield page.bullets([*lines, *submission.unchecked])
 
 
 def _score_of(held_out: Outcomes) -> Interval:
@@ -132,10 +135,15 @@ def _table(ranked: Scores) -> Iterator[str]:
         "Ranks in resamples",
     )
     yield page.table("All policies, the highest score first", head, map(_score_row, ranked.of))
+    brackets = (
+        f"In brackets: {100.0 * CONFIDENCE:g} % intervals, each for itself."
+        if ranked.of[0].is_bounded
+        else "A single seed gives no intervals and no ranks in resamples."
+    )
     yield page.paragraph(
         "Score: mean over tasks of the share of hunts with capture. Time: mean time to capture as a"
-        " share of the task's limit, less is better; a hunt without capture counts as 100 %. In"
-        f" brackets: {100.0 * CONFIDENCE:g} % intervals, each for itself.",
+        " share of the task's limit, less is better; a hunt without capture counts as 100 %."
+        f" {brackets}",
         "soft",
     )
 
@@ -230,6 +238,7 @@ def _methods() -> Iterator[str]:
             f"Intervals over seeds and tasks are percentiles of {RESAMPLES} resamples in which"
             " both are drawn with replacement, for all policies together; they are rather too wide"
             " than too narrow, and never lie inside the interval over seeds.",
+            "A single seed has no intervals of either kind.",
             "Differences are taken within seeds. Their p is that of the exact sign-flip test,"
             " corrected for all pairs of policies by Holm's procedure. A difference is decided if"
             " the corrected p is at most 0.05 and its interval leaves out zero. These say nothing"
@@ -244,9 +253,10 @@ def _methods() -> Iterator[str]:
 def _repeating(origin: Origin, submission: Submission | None) -> Iterator[str]:
     yield page.heading("To repeat it")
     yield page.preformatted("\n".join(origin.commands))
-    texts = [f"Code of these runs: {origin.code}."]
+    named = ", as the bundle names it" if submission and submission.unchecked else ""
+    texts = [f"Code of these runs{named}: {origin.code}."]
     if submission is not None:
-        texts.append(f"Policy: {submission.policy}.")
+        texts.append(f"Policy{named}: {submission.policy}.")
         same = "the same" if origin.code == origin.published_code else origin.published_code
         texts.append(
             f"Code of the published table: {same}. The digest covers the policy's own file too, so"

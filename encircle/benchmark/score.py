@@ -12,7 +12,8 @@ tasks*: what would other seeds and other tasks of this kind give? Tasks and seed
 with replacement, each resample for all policies together (Owen 2007, The pigeonhole bootstrap,
 Annals of Applied Statistics 1, 386-411: such intervals are rather too wide than too narrow), and
 the bounds are percentiles. As resamples lack what the runs lack, these bounds are moved outwards to
-the bounds over seeds where they lie inside them.
+the bounds over seeds where they lie inside them. Of a single seed there are no bounds of either
+kind, and no shares of ranks: what another seed would give is then unknown, and with it all else.
 
 Of the same resamples it is counted how often each policy holds each rank; policies with equal
 scores share their ranks in equal parts. What may be said of two policies follows from the
@@ -50,7 +51,7 @@ class Score(NamedTuple):
     with its interval over seeds. ``time``: the time score, with its interval over seeds.
     ``rank``: 1 for the highest score; equal scores have equal ranks. ``best``, ``worst``: the
     ranks that the decided differences leave open. ``rank_shares``: (P,) the share of resamples in
-    which the policy held rank 1, 2, ....
+    which the policy held rank 1, 2, .... Bounds and shares of ranks are NaN if S < 2.
     """
 
     policy: str
@@ -61,6 +62,11 @@ class Score(NamedTuple):
     best: int
     worst: int
     rank_shares: Floats
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether there are bounds and shares of ranks: not of a single seed."""
+        return not np.isnan(self.over_all.low)
 
 
 class Pair(NamedTuple):
@@ -84,12 +90,13 @@ class Scores(NamedTuple):
 
 
 def scores(outcomes: Outcomes, resamples: int = RESAMPLES) -> Scores:
-    """Scores, intervals, ranks and pairs of all policies; no bounds over seeds if S < 2."""
+    """Scores, intervals, ranks and pairs of all policies; no bounds and rank shares if S < 2."""
     means = outcomes.captured.mean(axis=1)
     times = outcomes.time_shares.mean(axis=1)
     values = means.mean(axis=1)
     drawn = resampled_scores(outcomes.captured, resamples)
-    shares = rank_shares(drawn)
+    several = len(outcomes.seeds) > 1
+    shares = rank_shares(drawn) if several else np.full((len(values), len(values)), np.nan)
     order = sorted(range(len(values)), key=lambda k: (-values[k], k))
     pairs = _pairs(outcomes.policies, means, order)
     of = []
@@ -154,6 +161,8 @@ def independent_difference(a: Interval, b: Interval) -> Interval:
 
 
 def _widened(value: float, drawn: Floats, within: Interval) -> Interval:
+    if np.isnan(within.low):
+        return Interval(float(value))
     low, high = np.quantile(drawn, TAILS, method="inverted_cdf")
     return Interval(float(value), float(min(low, within.low)), float(max(high, within.high)))
 

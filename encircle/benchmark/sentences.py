@@ -4,6 +4,7 @@ No sentence says more than its interval. A difference is called higher or lower 
 decided (``comparisons.Difference.verdict``); otherwise it is undecided, never absent.
 """
 
+import shlex
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,7 +38,9 @@ def open_ranks(score: Score) -> str:
 
 
 def held_ranks(score: Score) -> str:
-    """The ranks held most often in the resamples: ``1 (93 %), 2 (7 %)``."""
+    """The ranks held most often in the resamples: ``1 (93 %), 2 (7 %)``; empty of one seed."""
+    if not score.is_bounded:
+        return ""
     order = np.argsort(-score.rank_shares, kind="stable")[:RANKS_NAMED_MAX]
     named = [
         f"{1 + rank} ({100.0 * score.rank_shares[rank]:.0f} %)"
@@ -76,6 +79,29 @@ def table_sentences(scores: Scores, seeds: int) -> list[str]:
     return lines
 
 
+def try_sentence(seeds: int) -> str:
+    """What is said of a submission with fewer seeds of each kind than the benchmark has."""
+    return f"This is a try with few seeds, {seeds} of each: scores to publish are made of {SEEDS}."
+
+
+def not_rerun_sentence(file: str, brings_policies: bool) -> str:
+    """That the rows of a bundle are taken as they are, and which command tells more.
+
+    ``file``: as it is named to the reader. ``brings_policies``: whether it holds code of its own.
+    """
+    read_first = " Read the policies in it first." if brings_policies else ""
+    return (
+        f"The rows of {file} were not run again here: {verify_command(file, brings_policies)} does"
+        f" that for some of them, with --all for all.{read_first} Until then score and policy are"
+        " what the bundle says."
+    )
+
+
+def verify_command(file: str, brings_policies: bool) -> str:
+    """The command that runs rows of a bundle again."""
+    return shlex.join(["encircle", "verify", file, *["--run-policies"] * brings_policies])
+
+
 def own_sentences(scores: Scores, own: str) -> list[str]:
     """What may be said of one policy among the others."""
     (score,) = [score for score in scores.of if score.policy == own]
@@ -95,7 +121,7 @@ def own_sentences(scores: Scores, own: str) -> list[str]:
     equal = [one.policy for one in scores.of if one.rank == score.rank and one.policy != own]
     shared = f", shared with {_listed(equal)}" if equal else ""
     return [
-        f"On the public seeds {own} scores {_score_and_bounds(score)}.",
+        f"On the public {_seeds(score.is_bounded)} {own} scores {_score_and_bounds(score)}.",
         f"It holds rank {score.rank} of {len(scores.of)}{shared}; the decided differences leave"
         f" rank {open_ranks(score)} open.",
         f"Seed by seed on these tasks its score is {'; '.join(said)}.",
@@ -104,17 +130,20 @@ def own_sentences(scores: Scores, own: str) -> list[str]:
 
 
 def held_out_sentence(own: str, public: Interval, held_out: Interval) -> str:
-    """The score on the held-out seeds beside that on the public ones."""
+    """The score on the held-out seeds beside that on the public ones; neither has bounds of one."""
     change = independent_difference(public, held_out)
-    if np.isnan(change.low) or change.low <= 0.0 <= change.high:
+    if np.isnan(change.low):
+        said = "which has no bounds, of a single seed, and is undecided"
+    elif change.low <= 0.0 <= change.high:
         said = "which is undecided"
     elif change.value < 0.0:
         said = "so it does better on the public seeds than on seeds that nobody chose"
     else:
         said = "so it does worse on the public seeds than on seeds that nobody chose"
     return (
-        f"On the held-out seeds {own} scores {percent(held_out)} %, {points(change)} points from"
-        f" its score on the public seeds, {said}."
+        f"On the held-out {_seeds(not np.isnan(held_out.low))} {own} scores {percent(held_out)} %,"
+        f" {points(change)} points from its score on the public"
+        f" {_seeds(not np.isnan(public.low))}, {said}."
     )
 
 
@@ -131,6 +160,11 @@ def difference_from(scores: Scores, other: str, own: str) -> Difference:
 
 
 def _stability(score: Score) -> str:
+    if not score.is_bounded:
+        return (
+            f"How sure the rank of {score.policy} is cannot be told of a single seed, which leaves"
+            " nothing to resample."
+        )
     rank = int(score.rank_shares.argmax())
     share = 100.0 * float(score.rank_shares[rank])
     return (
@@ -159,13 +193,20 @@ def _decided(scores: Scores) -> str:
 def _score_and_bounds(score: Score) -> str:
     """A score in words: ``55.1 %``, its bounds over seeds, and those over tasks too."""
     value, low, high = (100.0 * bound for bound in score.over_all)
+    if not score.is_bounded:
+        return (
+            f"{value:.1f} %. Of a single seed there are no bounds, neither for other seeds on these"
+            " tasks nor for other tasks"
+        )
     _, seeds_low, seeds_high = (100.0 * bound for bound in score.over_seeds)
-    of_seeds = f"[{seeds_low:.1f}, {seeds_high:.1f}] %"
-    known = "no bounds with a single seed" if np.isnan(seeds_low) else of_seeds
     return (
-        f"{value:.1f} %: {known} for other seeds on these tasks, [{low:.1f}, {high:.1f}] % for"
-        " other seeds and other tasks of this kind"
+        f"{value:.1f} %: [{seeds_low:.1f}, {seeds_high:.1f}] % for other seeds on these tasks,"
+        f" [{low:.1f}, {high:.1f}] % for other seeds and other tasks of this kind"
     )
+
+
+def _seeds(several: bool) -> str:
+    return "seeds" if several else "seed"
 
 
 def _listed(names: Sequence[str]) -> str:

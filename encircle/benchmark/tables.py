@@ -59,7 +59,8 @@ def runs_of(plan: Plan, rows: Iterable[Mapping[str, Any]], code: str, where: str
     """The benchmark's runs among the rows of a plan's table, which may be incomplete.
 
     ``rows``: with ``COLUMNS`` at least; if a run stands twice, the one that did not fail counts.
-    ``where``: what the table is called in messages. Raises ``StudyError`` as ``read_runs`` does.
+    ``where``: what the table is called in messages. Raises ``StudyError`` as ``read_runs`` does,
+    and for a row that no hunt can have.
     """
     _check_tasks(plan, where)
     wanted, runs = set(plan.seed_list), dict[tuple[int, int], Mapping[str, Any]]()
@@ -72,6 +73,7 @@ def runs_of(plan: Plan, rows: Iterable[Mapping[str, Any]], code: str, where: str
     if not seeds:
         raise StudyError(f"{where} has no seed that is done in all {len(plan.cells)} cells yet")
     tasks, policies = (axis.levels for axis in plan.all_axes)
+    limits = limit_ticks(plan)
     ticks = np.zeros((len(policies), len(tasks), len(seeds)), np.int64)
     digests = np.zeros(ticks.shape, "U64")
     failed = 0
@@ -79,10 +81,9 @@ def runs_of(plan: Plan, rows: Iterable[Mapping[str, Any]], code: str, where: str
         for k, seed in enumerate(seeds):
             row = runs[cell, seed]
             failed += bool(row[FAILED])
-            captured = not row[FAILED] and row[CAPTURED] > 0.5
-            ticks[policy, task, k] = row[TICKS] if captured else 0
+            ticks[policy, task, k] = _capture_tick(row, int(limits[task]), where)
             digests[policy, task, k] = row["digest"]
-    outcomes = Outcomes(tuple(policies), tuple(tasks), tuple(seeds), ticks, limit_ticks(plan))
+    outcomes = Outcomes(tuple(policies), tuple(tasks), tuple(seeds), ticks, limits)
     return BenchmarkRuns(plan, outcomes, digests, code, failed)
 
 
@@ -91,6 +92,19 @@ def limit_ticks(plan: Plan) -> NDArray[np.int64]:
     # The scenarios themselves need the policy, whose file may not be here.
     tasks = plan.axes[0].arms or ()
     return np.array([task.set["ticks_max"] for task in tasks], np.int64)
+
+
+def _capture_tick(row: Mapping[str, Any], limit: int, where: str) -> int:
+    """The tick of a run's capture, 0 without one; ``StudyError`` for what no hunt can come to."""
+    if row[FAILED]:
+        return 0
+    captured, ticks = row[CAPTURED], row[TICKS]
+    run = f"{where}: cell {row['cell']}, seed {row['seed']}"
+    if captured not in (0, 1):
+        raise StudyError(f"{run}, {CAPTURED} = {captured}: must be 0 or 1")
+    if not 1 <= ticks <= limit:
+        raise StudyError(f"{run}, {TICKS} = {ticks}: must be 1 to {limit}, the task's limit")
+    return int(ticks) if captured else 0
 
 
 def _with_seeds(plan: Plan, seeds: tuple[int, ...]) -> Plan:

@@ -8,6 +8,7 @@ import pytest
 from helpers_benchmark import made_outcomes
 from helpers_pages import Page
 
+from encircle.benchmark.charts import draw_scores
 from encircle.benchmark.outcomes import Outcomes
 from encircle.benchmark.page import SCORES_FILE, TASKS_FILE, Origin, Submission, write_page
 from encircle.benchmark.score import scores, share_interval
@@ -138,7 +139,29 @@ def test_the_held_out_score_is_called_other_only_outside_its_interval():
     assert "better on the public seeds" in far
     other = held_out_sentence("J", Interval(0.5, 0.45, 0.55), Interval(0.8, 0.78, 0.82))
     assert "worse on the public seeds" in other
-    assert "undecided" in held_out_sentence("J", Interval(0.5), Interval(0.9))
+    one = held_out_sentence("J", Interval(0.5), Interval(0.9))
+    assert "On the held-out seed J scores 90.0 %, +40.0 points" in one
+    assert "no bounds, of a single seed, and is undecided" in one
+
+
+def test_of_a_single_seed_no_sentence_has_bounds_or_resamples():
+    ranked = scores(with_own(0.5, seeds=1)[0])
+    for lines in (own_sentences(ranked, NAME), table_sentences(ranked, 1)):
+        text = " ".join(lines)
+        assert "Of a single seed there are no bounds" in text
+        assert "of a single seed, which leaves nothing to resample" in text
+        assert not re.search(r"\[|nan|of the resamples|no bounds with", text)
+    assert [held_ranks(score) for score in ranked.of] == [""] * 3
+
+
+def test_the_figure_of_a_single_seed_s_scores_shows_no_intervals():
+    for seeds, segments in ((1, 0), (2, 4)):
+        drawn = draw_scores(scores(made_outcomes([0.8, 0.2], seeds)))
+        lines = [
+            line.get_xdata() for line in drawn.figure.axes[0].lines if len(line.get_xdata()) > 1
+        ]
+        assert sum(bool(np.isfinite(ends).all()) for ends in lines) == segments
+        assert ("no intervals" in drawn.caption) is (seeds == 1)
 
 
 def test_ranks_that_are_rarely_held_are_not_named():

@@ -8,6 +8,8 @@ from helpers_benchmark import made_outcomes
 from scipy import stats
 
 from encircle.benchmark.outcomes import Outcomes
+from encircle.benchmark.publish import PAGE
+from encircle.benchmark.published import published
 from encircle.benchmark.score import (
     independent_difference,
     rank_shares,
@@ -141,10 +143,42 @@ def test_clear_differences_leave_one_rank_and_no_difference_leaves_all():
     assert scores(twice).pairs[0].difference.verdict is Verdict.UNDECIDED
 
 
-def test_a_run_of_one_seed_has_no_bounds_over_seeds():
-    (score,) = scores(made_outcomes([0.5], seeds=1)).of
-    assert np.isnan(score.over_seeds.low)
-    assert np.isfinite(score.over_all.low)
+def test_a_single_seed_has_no_bounds_of_either_kind_and_no_shares_of_ranks():
+    ranked = scores(made_outcomes([0.5, 0.9, 0.0], seeds=1))
+    for score in ranked.of:
+        assert np.isnan([*score.over_seeds[1:], *score.over_all[1:], *score.time[1:]]).all()
+        assert np.isnan(score.rank_shares).all()
+        assert not score.is_bounded
+        assert (score.best, score.worst) == (1, 3)
+        assert score.over_all.value == pytest.approx(score.over_seeds.value)
+    assert all(pair.difference.verdict is Verdict.UNDECIDED for pair in ranked.pairs)
+    assert all(score.is_bounded for score in scores(made_outcomes([0.5], seeds=2)).of)
+
+
+def test_twelve_seeds_are_the_fewest_that_can_decide_anything_among_twelve_policies():
+    """The smallest p of S sign flips is 2 / 2^S; Holm's first is that of 66 pairs."""
+    fewest = next(seeds for seeds in range(1, 100) if 66 * 2 / 2**seeds <= 0.05)
+    assert fewest == 12
+    for seeds, decided in ((fewest - 1, 0), (fewest, 11)):
+        ranked = scores(made_outcomes([1.0, *[0.0] * 11], seeds=seeds))
+        assert sum(pair.difference.verdict is not Verdict.UNDECIDED for pair in ranked.pairs) == (
+            decided
+        )
+
+
+def test_what_the_page_says_of_a_first_try_with_three_seeds():
+    means = published().outcomes.captured.mean(axis=1)
+    widths = [
+        bounds.high - bounds.low
+        for policy in means
+        for bounds in map(share_interval, policy[:99].reshape(33, 3))
+    ]
+    assert 0.75 <= min(widths) < 0.76
+    assert sign_flip_p(np.array([0.2, 0.4, 0.6])) == 0.25
+    text = " ".join(PAGE.read_text(encoding="utf-8").split())
+    assert "no p is below 0.25" in text
+    assert "are 75 points wide or wider" in text
+    assert "nothing can be decided with fewer than 12 seeds" in text
 
 
 def test_a_difference_of_independent_estimates_is_that_of_two_normal_means():

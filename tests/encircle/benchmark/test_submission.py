@@ -1,5 +1,6 @@
 """``encircle benchmark``: a policy in a file, from the command to page, bundle and score again."""
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -7,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers_benchmark import filled_study
+from helpers_pages import Page
 
 from encircle.benchmark.command import SEEDS_MAX
 from encircle.benchmark.published import published
 from encircle.benchmark.seeds import SEEDS, held_out_seeds
-from encircle.benchmark.submission import Request, split_seeds
+from encircle.benchmark.submission import Request, split_seeds, write_submission_page
 from encircle.benchmark.tables import read_runs
 from encircle.benchmark.tasks import submission_plan, tasks
 from encircle.cli.main import main
@@ -113,6 +115,16 @@ def test_held_out_seeds_of_another_name_are_refused(tmp_path):
         (["pursuit", "--name", "Joan", "--set", "speed=3"], "speed"),
         (["absent.zip"], "needs --out"),
         (["absent.zip", "--out", "o"], "absent.zip"),
+        (["absent.zip", "--out", "o", "--name", "Joan"], "--name means nothing here: a bundle has"),
+        (["absent.zip", "--out", "o", "--seeds", "100"], "--seeds means nothing here: a bundle"),
+        (["absent.zip", "--out", "o", "--set", "k=1"], "--set means nothing here: a bundle"),
+        (["absent.zip", "--out", "o", "--workers", "1"], "--workers means nothing here: a bundle"),
+        (["--name", "Joan"], "--name means nothing here: without a POLICY"),
+        (["--seeds", "100"], "--seeds means nothing here: without a POLICY"),
+        (["--set", "k=1"], "--set means nothing here: without a POLICY"),
+        (["--workers", "1"], "--workers means nothing here: without a POLICY"),
+        (["--out", "o"], "--out means nothing here: without a POLICY"),
+        (["--json"], "--json means nothing here: without a POLICY"),
     ],
 )
 def test_what_is_asked_wrongly_gets_one_clear_line_and_writes_nothing(
@@ -122,6 +134,60 @@ def test_what_is_asked_wrongly_gets_one_clear_line_and_writes_nothing(
     assert main(["benchmark", *arguments]) == 2
     assert said in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_place_that_is_a_file_gets_one_line_for_a_policy_too(tmp_path, capsys):
+    (tmp_path / "a file").write_text("precious")
+    arguments = ["benchmark", "pursuit", "--name", "Joan", "--seeds", "1"]
+    assert main([*arguments, "--out", str(tmp_path / "a file")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{tmp_path / 'a file'} cannot be used" in line
+    assert (tmp_path / "a file").read_text() == "precious"
+
+
+def test_all_seeds_are_run_if_their_number_is_left_out(monkeypatch, tmp_path):
+    asked = []
+
+    def run(request):
+        asked.append(request)
+        raise StudyError("seen")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("encircle.benchmark.submission.run_submission", run)
+    assert main(["benchmark", "pursuit", "--name", "Joan"]) == 2
+    assert main(["benchmark", "pursuit", "--name", "Joan", "--seeds", "3"]) == 2
+    assert [request.seeds for request in asked] == [SEEDS, 3]
+
+
+def strict(text):
+    """What a reader of JSON that knows no NaN makes of a text."""
+
+    def refuse(name):
+        raise AssertionError(name)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_a_single_seed_has_no_bounds_wherever_they_are_told(submitted, monkeypatch, capsys):
+    folder, directory = submitted
+    monkeypatch.chdir(folder)
+    arguments = ["benchmark", "my_robots.py:mine", "--name", "Joan's ring", "--seeds", "1"]
+    assert main([*arguments, "--json"]) == 0
+    answer = strict(capsys.readouterr().out)
+    bounds = [answer["score"][key] for key in ("low", "high", "seeds_low", "seeds_high")]
+    assert bounds + [answer["held_out"][key] for key in ("low", "high")] == [None] * 6
+    assert not any("[" in sentence or "resamples" in sentence for sentence in answer["findings"])
+    assert "This is a try with few seeds, 1 of each" in answer["findings"][-1]
+    page = Page((directory / "benchmark.html").read_text(encoding="utf-8"))
+    assert all("[" not in cell for row in page.tables[0][1:] for cell in row)
+    assert all(row[5] == "" for row in page.tables[0][1:])
+    assert "A single seed gives no intervals and no ranks in resamples." in page.text
+    assert len(page.images) == 2
+    with open(directory / "scores.csv", newline="") as file:
+        for row in csv.DictReader(file):
+            told = [key for key, text in row.items() if text == "nan"]
+            assert {"low", "high", "seeds_low", "seeds_high", "rank_1_share"} <= set(told)
+            assert row["score"] != "nan"
 
 
 def test_without_a_policy_the_published_table_is_printed(capsys):
@@ -141,6 +207,14 @@ def test_the_command_on_the_page_repeats_the_numbers():
         "encircle benchmark 'a b.py:f' --name 'Jo'\"'\"'s' --set k=1 --seeds 3"
     )
     assert "--seeds" not in replace(request, seeds=SEEDS).command
+
+
+def test_the_page_names_the_own_parameters_that_were_set(submitted, tmp_path):
+    runs = read_runs(submitted[1])
+    changed = runs.plan.model_copy(update={"changes": ("team.policy_parameters.k=1.5",)})
+    answer = write_submission_page(runs._replace(plan=changed), ("a command",), tmp_path / "p")
+    text = Path(answer["page"]).read_text(encoding="utf-8")
+    assert "Policy: my_robots.py:mine, k=1.5." in text
 
 
 def test_runs_of_several_policies_are_no_submission(submitted):
