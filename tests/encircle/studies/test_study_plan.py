@@ -187,6 +187,25 @@ def test_a_problem_of_many_cells_is_told_once_with_where_it_first_is():
     assert "(at loss = 1.5, strategy = xi-0)" in text
 
 
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("channel.loss.rat", "channel.loss.rat = 0.1: unknown key (did you mean 'rate'?)"),
+        ("channel.loss.burst_packets", "channel.loss.burst_packets = 0.1: has no meaning"),
+        ("seed.x", "override 'seed.x=0.1': there is no such key"),
+    ],
+)
+def test_a_wrong_key_is_told_once_however_many_values_it_has(key, said):
+    text = refusal(axes=[{**LOSS, "key": key, "values": [0.1, 0.2]}])
+    assert "one problem" in text
+    assert said in text
+
+
+def test_every_wrong_value_of_a_key_is_told():
+    text = refusal(axes=[{**LOSS, "values": [1.25, 1.5]}])
+    assert "has 2 problems" in text
+
+
 def test_files_that_are_no_studies(tmp_path):
     with pytest.raises(StudyError, match="neither a file nor one of: benchmark, burst, delay"):
         load_plan("nothing")
