@@ -162,8 +162,10 @@ def _as_in(path: Path, model: type[BaseModel]) -> str:
     if not path or not all(isinstance(part, str) for part in path):
         return f" with keys such as {_either(named)}" if named else ""
     key = ".".join(map(str, path))
-    one_key = f", or set one of its keys, such as {_either([f'{key}.{k}' for k in named])}"
-    return f", as in {key} = {{...}}{one_key if named else ''}"
+    written = f", as in {key} = {{...}}"
+    if not named:
+        return written
+    return f"{written}, or set one of its keys, such as {_either([f'{key}.{k}' for k in named])}"
 
 
 def _either(names: Sequence[str]) -> str:

@@ -148,7 +148,7 @@ def test_a_plan_survives_its_way_to_a_worker():
         ({"axis": []}, "axis = []: unknown key"),
         ({"axes": [{**LOSS, "keys": 1}]}, "axes.0.keys = 1: unknown key"),
         ({"axes": [{**LOSS, "values": [0.0, 1.5]}]}, "channel.loss.rate = 1.5"),
-        ({"axes": [{**LOSS, "key": "channel.loss.rat"}]}, "channel.loss.rat = 0.5: unknown key"),
+        ({"axes": [{**LOSS, "key": "channel.loss.rat"}]}, "channel.loss.rat = 0.0: unknown key"),
         ({"axes": [{**LOSS, "values": []}]}, "at least one level"),
         ({"axes": [{**LOSS, "values": [0.1, 0.1]}]}, "every level once"),
         ({"axes": [{**LOSS, "arms": []}]}, "give one of values, range and arms"),
@@ -192,7 +192,7 @@ def test_a_problem_of_many_cells_is_told_once_with_where_it_first_is():
     [
         ("channel.loss.rat", "channel.loss.rat = 0.1: unknown key (did you mean 'rate'?)"),
         ("channel.loss.burst_packets", "channel.loss.burst_packets = 0.1: has no meaning"),
-        ("seed.x", "override 'seed.x=0.1': there is no such key"),
+        ("title.x", "override 'title.x=0.1': there is no such key"),
     ],
 )
 def test_a_wrong_key_is_told_once_however_many_values_it_has(key, said):

@@ -108,7 +108,7 @@ def test_policies_get_the_teams_parameters_unless_theirs_is_another_policy():
         (["team.robots.step_m_max=1"], "team.robots.step_m_max = 1: robots are r1 to r4"),
         (
             ["team.robots.r1=0.2"],
-            "team.robots.r1 = 0.2: must be a table, as in team.robots.r1 = {...}, or set one of its",
+            "team.robots.r1 = 0.2: must be a table, as in team.robots.r1 = {...}, or set one",
         ),
         (["team.robots.r1.step_max=1"], "team.robots.r1.step_max = 1: unknown key (did you mean '"),
         (["team.robots.r1.step_m_max=0"], "team.robots.r1.step_m_max = 0: must be above 0"),
