@@ -3,11 +3,10 @@
 Remote input raises one of these errors; the shell that received it counts it under ``cause``, logs
 it with its key and goes on. Our own misuse of the protocol raises ``AssertionError`` instead.
 
-And for messages of errors: what a mistyped name may have meant, why a directory cannot be used.
+And what a mistyped name may have meant, for messages of errors.
 """
 
 from collections.abc import Iterable
-from pathlib import Path
 
 LIKENESS_MIN = 0.6
 NAMED_MAX = 3
@@ -78,14 +77,3 @@ def suggestion(names: Iterable[str]) -> str:
     """The first few names, as a question whether one was meant; empty if there are none."""
     matches = list(dict.fromkeys(names))[:NAMED_MAX]
     return f" (did you mean {' or '.join(map(repr, matches))}?)" if matches else ""
-
-
-def unusable(directory: Path, error: OSError) -> str:
-    """``runs/one cannot be used: ...``, and why; a file that is in its place is named."""
-    reason = error.strerror or str(error)
-    if isinstance(error, FileExistsError | NotADirectoryError):
-        for path in (directory, *directory.parents):
-            if path.exists() and not path.is_dir():
-                what = "it" if path == directory else str(path)
-                reason = f"{what} is a file, and a directory is needed"
-    return f"{directory} cannot be used: {reason}"

@@ -67,7 +67,7 @@ def print_transport_report(
         over = ("from", "to", "sent", "lost", "mean ms", "longest ms")
         title = "injected: what the modelled radio did, with delays in whole ticks"
         _table(console, title, over, sent, shown_max)
-    clocks = [
+    clocks: list[tuple[str, ...]] = [
         (
             clock["robot"],
             *(_ms(clock[name]) for name in ("offset_s", "error_s", "round_trip_s_median")),
@@ -75,7 +75,7 @@ def print_transport_report(
         )
         for clock in report["clocks"]
     ]
-    heads = ("clock of", "ahead ms", "+- ms", "round trip ms", "remark")
+    heads: tuple[str, ...] = ("clock of", "ahead ms", "+- ms", "round trip ms", "remark")
     if not any(remark for *_, remark in clocks):
         heads, clocks = heads[:-1], [row[:-1] for row in clocks]
     _table(console, "clocks, compared with the world's", heads, clocks, shown_max)

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
-from encircle.protocol.errors import unusable
+from encircle.protocol.process.directories import unusable
 from encircle.studies.plan import StudyError
 
 TABLE_FILE, PARTS_DIRECTORY, OWNER_FILE, LOCK_FILE = "table.parquet", "parts", "study.json", "lock"

@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from encircle.protocol.errors import unusable
+from encircle.protocol.process.directories import unusable
 from encircle.studies.plan import Plan, StudyError
 from encircle.studies.study_directory import (
     LOCK_FILE,

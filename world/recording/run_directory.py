@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from encircle.protocol import VERSION
-from encircle.protocol.errors import unusable
+from encircle.protocol.process.directories import unusable
 from encircle.world.coordinator.result import Result
 from encircle.world.recording.recorder import Recorder, RecordingStopped
 from encircle.world.scenario.model import Scenario, digest_header
