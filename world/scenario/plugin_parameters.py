@@ -63,7 +63,7 @@ def _known(path: KeyPath, line: str, model: type[BaseModel]) -> str:
     # A name without its unit is shorter than what is like it.
     longer = [other for other in known if other.startswith(f"{name}_")]
     near = "" if "did you mean" in line else suggestion(longer)
-    return f"{near}; known are: {', '.join(known) or 'none'}"
+    return f"{near}; " + (f"known are: {', '.join(known)}" if known else "there are none")
 
 
 def _is_plain(value: Any) -> bool:

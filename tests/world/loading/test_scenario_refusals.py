@@ -146,7 +146,7 @@ def test_what_must_be_a_table_is_told_how_it_is_written(change, said):
     [
         ("target.parameters.range=3", "unknown key; known are: obstacle_range_m"),
         ("target.parameters.obstacle=3", "unknown key (did you mean 'obstacle_range_m'?); known"),
-        ("team.policy_parameters.lead=3", "unknown key; known are: none (team.strategy = "),
+        ("team.policy_parameters.lead=3", "unknown key; there are none (team.strategy = "),
     ],
 )
 def test_an_unknown_own_parameter_is_told_which_there_are(change, said):
