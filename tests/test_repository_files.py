@@ -1,8 +1,12 @@
 """Files at the top of the repository that programs of other people read."""
 
 import re
+import shutil
+import subprocess
+import sys
 import tomllib
 from importlib.metadata import PackageNotFoundError, metadata
+from pathlib import Path
 
 import pytest
 import yaml
@@ -40,6 +44,17 @@ def test_hooks_before_a_commit_download_nothing():
     assert [command.replace(".venv", "$(VENV)").split()[0] for command in commands] == [
         line.split()[0] for line in checks.strip().splitlines()
     ]
+
+
+def test_style_is_not_asked_of_a_persons_own_files(tmp_path):
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    for name in ("my_robots.py", "own/robots.py", "world/arena/new.py", "tests/test_new.py"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    ruff = [sys.executable, "-m", "ruff", "check", "--no-cache", "--show-files", "."]
+    done = subprocess.run(ruff, cwd=tmp_path, capture_output=True, text=True, check=True)
+    judged = {str(Path(line).relative_to(tmp_path)) for line in done.stdout.splitlines()}
+    assert judged == {"pyproject.toml", "world/arena/new.py", "tests/test_new.py"}
 
 
 @pytest.mark.parametrize("target", TARGETS)

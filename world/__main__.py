@@ -113,7 +113,7 @@ def _run(options: Options, settings: argparse.Namespace, report: "Reporter") -> 
     except ConfigurationError as error:
         options.error(str(error))
     except (ScenarioError, RunDirectoryError) as error:
-        say_error(*str(error).split("\n"))
+        say_error(*f"world: {error}".split("\n"))
         return 2
 
 

@@ -13,6 +13,7 @@ from encircle.conformance.purity import PURE_ADVICE, Parts
 from encircle.conformance.scenes import ANSWER_S_MAX, Failure, Recorded, TooSlow
 from encircle.conformance.subject import Subject
 from encircle.protocol.plugins import InvalidPluginResult, error_line
+from encircle.world.targets.behaviours import TargetView
 
 DISTANCE_M, COVARIANCE = 3.0, (1e-4, 0.0, 1.0)
 SEARCH_ADVICE = (
@@ -24,6 +25,11 @@ PEERS_ADVICE = "view.peers may be empty, and peer.packet is None of a peer that 
 FROZEN = ("can't set attribute", "cannot assign to field", "cannot be changed", "has no setter")
 """What Python, and what peers have said, answer to who would change them."""
 FROZEN_ADVICE = "what it is given cannot be changed: make new values, and return them as memory"
+OF_TARGETS = frozenset(TargetView._fields).difference(View._fields)
+TARGET_ADVICE = (
+    "this looks like a target behaviour: {} is of encircle.TargetView; this command checks policies"
+    " alone, a behaviour is named by target.behaviour"
+)
 PAIR_ADVICE = "return a pair at every return: memory, Decision(mode, step, goal)"
 
 
@@ -89,6 +95,8 @@ def explanation(subject: Subject, failure: Failure) -> tuple[str, str]:
         return said, "its own parameters need defaults, or are set by --set NAME=VALUE"
     if any(text in str(error) for text in FROZEN):
         return said, FROZEN_ADVICE
+    if isinstance(error, AttributeError) and error.name in OF_TARGETS and error.obj is view:
+        return said, TARGET_ADVICE.format(error.name)
     if view.target is None and _answers(subject, failure.memory, with_target(view)):
         return said, SEARCH_ADVICE
     if failure.memory is None and "NoneType" in str(error):

@@ -15,7 +15,7 @@ from encircle.protocol.process.log import printable
 
 LINKS_SHOWN_MAX = 24
 UNKNOWN_SHOWN_MIN = 3
-TEXT_COLUMNS = ("from", "to", "carries", "clock of", "")
+TEXT_COLUMNS = ("from", "to", "carries", "clock of", "remark")
 
 
 def print_transport_report(
@@ -67,7 +67,7 @@ def print_transport_report(
         over = ("from", "to", "sent", "lost", "mean ms", "longest ms")
         title = "injected: what the modelled radio did, with delays in whole ticks"
         _table(console, title, over, sent, shown_max)
-    clocks = [
+    clocks: list[tuple[str, ...]] = [
         (
             clock["robot"],
             *(_ms(clock[name]) for name in ("offset_s", "error_s", "round_trip_s_median")),
@@ -75,7 +75,9 @@ def print_transport_report(
         )
         for clock in report["clocks"]
     ]
-    heads = ("clock of", "ahead ms", "+- ms", "round trip ms", "")
+    heads: tuple[str, ...] = ("clock of", "ahead ms", "+- ms", "round trip ms", "remark")
+    if not any(remark for *_, remark in clocks):
+        heads, clocks = heads[:-1], [row[:-1] for row in clocks]
     _table(console, "clocks, compared with the world's", heads, clocks, shown_max)
     if report["incomplete_from_tick"] is not None:
         tick = report["incomplete_from_tick"]

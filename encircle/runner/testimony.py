@@ -65,7 +65,7 @@ class Testimony:
         if result is None:
             failure = self._first_failure(begun, tick)
             if self._processes["world"].returncode == BAD_CONFIGURATION:
-                raise ScenarioError(failure)
+                raise ScenarioError(failure.removeprefix("world: "))
             raise RunFailed(failure, resumable=begun)
         found, extra = _read(result)
         if (reason := failure_of(found.ended)) is None:

@@ -3,6 +3,7 @@
 What is wrong with a single value is found earlier, by ``encircle.studies.plan``.
 """
 
+import re
 from collections.abc import Collection, Iterator
 from math import prod
 
@@ -14,6 +15,11 @@ from encircle.world.scenario.errors import ScenarioError
 NO_ROBOTS_PREFIX = "give either"
 """How the problem of a scenario without robots begins; an axis of a study may add the robots."""
 CLOCK_PROBLEM = "clock = 'wall': a study pairs runs that can be repeated; use 'lockstep'"
+
+_OF_KEY = re.compile(
+    r"(override '[^=]*=|\S+ = ).*?(: (?:unknown key|has no meaning|there is no such key).*)"
+)
+"""A problem that is the key's, whatever its value: what is before the value, what is after it."""
 
 
 def plan_problems(plan: Plan, left_out: Collection[str] = ()) -> list[str]:
@@ -40,8 +46,11 @@ def cell_count(plan: Plan) -> int:
 
 
 def _cell_problems(plan: Plan) -> Iterator[str]:
-    """Problems of the cells' scenarios, each line once, with the first cell that has it."""
-    seen: dict[str, str] = {}
+    """Problems of the cells' scenarios, each line once, with the first cell that has it.
+
+    A key that is wrong itself is one problem, whatever value each cell gives it.
+    """
+    seen: dict[str, tuple[str, str]] = {}
     for cell in range(len(plan.cells)):
         try:
             clock = plan.scenario_of(cell).clock
@@ -50,9 +59,15 @@ def _cell_problems(plan: Plan) -> Iterator[str]:
             lines = problem_lines(error)
         for line in lines:
             where = ", ".join(f"{k} = {v}" for k, v in plan.levels(cell).items())
-            seen.setdefault(line, where)
-    for line, where in seen.items():
+            seen.setdefault(_without_value(line), (line, where))
+    for line, where in seen.values():
         yield f"{line} (at {where or 'the base'})"
+
+
+def _without_value(line: str) -> str:
+    """A problem of a key itself without the value that it was given; others as they are."""
+    of_key = _OF_KEY.fullmatch(line)
+    return of_key[1] + of_key[2] if of_key else line
 
 
 def _problems_with_robots(plan: Plan) -> list[str]:

@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
+from encircle.protocol.process.directories import unusable
 from encircle.studies.plan import StudyError
 
 TABLE_FILE, PARTS_DIRECTORY, OWNER_FILE, LOCK_FILE = "table.parquet", "parts", "study.json", "lock"
@@ -34,7 +35,7 @@ def owner_of(directory: Path) -> dict[str, Any] | None:
     except (ValueError, AttributeError):
         raise StudyError(f"{directory / OWNER_FILE} is damaged; nothing was changed") from None
     except OSError as error:
-        raise StudyError(f"{directory} cannot be used: {error.strerror}") from None
+        raise StudyError(unusable(directory, error)) from None
 
 
 def lock_file(path: Path) -> TextIO:

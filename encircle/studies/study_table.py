@@ -18,6 +18,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from encircle.protocol.process.directories import unusable
 from encircle.studies.plan import Plan, StudyError
 from encircle.studies.study_directory import (
     LOCK_FILE,
@@ -66,7 +67,7 @@ class StudyTable:
                 tree = {**self.owner, "plan": plan.model_dump(mode="json")}
                 write_file(directory / OWNER_FILE, json.dumps(tree, indent=2).encode() + b"\n")
         except OSError as error:
-            raise StudyError(f"{directory} cannot be used: {error.strerror or error}") from None
+            raise StudyError(unusable(directory, error)) from None
         try:
             self.done, self.failed = self._read_done()
         except StudyError:

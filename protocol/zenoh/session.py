@@ -5,6 +5,8 @@ and connects to the others; closing one takes leave of each of them.
 """
 
 import contextlib
+import json
+import re
 import socket
 import threading
 from collections.abc import Iterator
@@ -22,6 +24,8 @@ from encircle.protocol.zenoh.endpoints import (
 
 CLOSE_S_MAX = 1.0
 """How long to take leave of the others, in s: one that is frozen takes ten seconds each."""
+_NOBODY = "Unable to connect to any of "
+_ENDPOINT_TRIED = re.compile(r"Single\(([^()\s]+)\)")
 
 
 def has_neighbours(session: zenoh.Session) -> bool:
@@ -44,7 +48,22 @@ def open_session(endpoints: Endpoints) -> zenoh.Session:
         unknown = [e for e in endpoints.connect if connecting and not _has_address(e)]
         if unknown:
             reason = f"no address is known for the host of {', '.join(unknown)}"
+        elif reason.startswith(_NOBODY):
+            reason = _nobody(str(error), endpoints, config)
         raise ConnectionFailed(f"cannot {doing} {where}: {reason}") from None
+
+
+def _nobody(said: str, endpoints: Endpoints, config: zenoh.Config) -> str:
+    """That nobody has answered, in place of what Zenoh says of it."""
+    # Those of a configuration file are named nowhere else.
+    tried = [] if endpoints.connect else _ENDPOINT_TRIED.findall(said)
+    timeout_ms = json.loads(config.get_json("connect/timeout_ms"))
+    is_known = isinstance(timeout_ms, int) and timeout_ms >= 0
+    return (
+        f"nobody answers {'at ' + ', '.join(tried) if tried else 'there'}"
+        f"{f' within {timeout_ms / 1000:g} s' if is_known else ''}, or nobody who lets this node"
+        " in; is a router or a world started there?"
+    )
 
 
 @contextlib.contextmanager

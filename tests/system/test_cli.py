@@ -148,6 +148,10 @@ def test_replay_says_of_a_recording_that_is_cut_off_that_it_is(tmp_path, options
         (["world", "sim1", "--listen", "tcp/127.0.0.1:1", "--run", "a/b"], "not a valid name"),
         (["world", "sim1", "--listen", "here", "--run", "a"], "'here': must be PROTOCOL/HOST:PORT"),
         (["world", "sim1", "--run", "a"], "neither an endpoint to listen on"),
+        (
+            ["world", "sim11", "--listen", "tcp/127.0.0.1:1", "--run", "a"],
+            "world: scenario 'sim11' is neither a file nor one of",
+        ),
         (["world", "sim1", "--listen", "tcp/0.0.0.0:1", "--run", "a"], "--without-authentication"),
         (["world", "sim1", "--out", "a", "--runs", "b", "--run", "a"], "give one of them"),
         (

@@ -1,6 +1,6 @@
 """What contradicts itself in the radio's part of a scenario, each problem with key and value."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import inf
 
 import numpy as np
@@ -68,6 +68,23 @@ def problems_of_events(events: Sequence[object], ids: Sequence[str], since: int 
     return problems + (
         _crashes(events) if any(isinstance(e, Crash) for e in events[since:]) else []
     )
+
+
+def unknown_robots_of_events(
+    events: object, ids: Sequence[str], refused: Collection[tuple[str | int, ...]]
+) -> list[str]:
+    """A line for each unknown robot named by events, some of whose values are refused.
+
+    ``refused``: paths of what is told of already.
+    """
+    return [
+        problem
+        for index, event in enumerate(events if isinstance(events, list | tuple) else ())
+        if isinstance(event, Mapping)
+        for end in ("robot", "sender", "receiver")
+        if isinstance(robot := event.get(end), str) and ("events", index, end) not in refused
+        for problem in _unknown(f"events.{index}.{end}", robot, ids)
+    ]
 
 
 def _of_model(key: str, model: Loss | Delay | None) -> list[str]:

@@ -39,7 +39,11 @@ def _team(scenario: Scenario) -> list[str]:
         problems.append("team: give either robots (a number) or positions")
     if team.positions is not None and team.count not in (None, len(team.positions)):
         key = "team.robots.count" if team.overrides else "team.robots"
-        problems.append(f"{key} = {team.count}: but {len(team.positions)} positions are given")
+        problems.append(
+            f"{key} = {team.count}: but {len(team.positions)} positions are given; give"
+            f" {team.count}, or leave team.positions out to have robots placed at random"
+            " (team.placement)"
+        )
     if team.positions is not None and not 1 <= len(team.positions) <= ROBOTS_MAX:
         problems.append(f"team.positions: {len(team.positions)} given, must be 1 to {ROBOTS_MAX}")
     if team.positions is None and team.jitter_m > 0.0:

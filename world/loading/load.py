@@ -5,7 +5,7 @@ key and its value.
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from encircle.protocol.parameters import SET_BY_ROBOT_KEYS
 from encircle.world.loading.bare_words import quoted_change
+from encircle.world.loading.channel_consistency import unknown_robots_of_events
 from encircle.world.loading.consistency import problems_of
 from encircle.world.loading.files import copied, override, read
 from encircle.world.loading.profiles import expanded
@@ -62,7 +63,7 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
     return scenario
 
 
-def _further_problems(tree: Mapping[str, Any], refused: Iterable[KeyPath]) -> list[str]:
+def _further_problems(tree: Mapping[str, Any], refused: Collection[KeyPath]) -> list[str]:
     """Contradictions elsewhere in a scenario some of whose values are refused already.
 
     The refused values are left out; where they cannot be, with the tables that they are in.
@@ -70,13 +71,16 @@ def _further_problems(tree: Mapping[str, Any], refused: Iterable[KeyPath]) -> li
     values = [_without_numbers_last(path) for path in refused]
     for paths in (values, [path[:2] for path in values]):
         try:
-            problems = problems_of(Scenario.model_validate(_without(tree, paths)))
+            scenario = Scenario.model_validate(_without(tree, paths))
+            problems = problems_of(scenario)
         except ValidationError:
             continue
         # What is wrong now with the same table may follow from what was left out.
         tables = [".".join(map(str, path[: max(2, len(path) - 1)])) for path in paths]
         touched = re.compile("|".join(rf"(?<![\w.]){re.escape(t)}(?!\w)" for t in tables))
-        return [line for line in problems if not (touched.search(line) or line.startswith(START))]
+        lines = [line for line in problems if not (touched.search(line) or line.startswith(START))]
+        unknown = unknown_robots_of_events(tree.get("events"), scenario.ids, refused)
+        return lines + [line for line in unknown if line not in lines]
     return []
 
 

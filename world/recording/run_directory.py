@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from encircle.protocol import VERSION
+from encircle.protocol.process.directories import unusable
 from encircle.world.coordinator.result import Result
 from encircle.world.recording.recorder import Recorder, RecordingStopped
 from encircle.world.scenario.model import Scenario, digest_header
@@ -65,7 +66,7 @@ def create(path: Path) -> Path:
         if not os.access(path, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
-        raise RunDirectoryError(f"{path} cannot be used: {error.strerror}") from None
+        raise RunDirectoryError(unusable(path, error)) from None
     return path
 
 
@@ -80,7 +81,7 @@ def set_aside(path: Path) -> None:
                 if name.exists():
                     name.rename(backup)
         except OSError as error:
-            raise RunDirectoryError(f"{path} cannot be used: {error.strerror}") from None
+            raise RunDirectoryError(unusable(path, error)) from None
         return
     raise RunDirectoryError(f"{path}: {ATTEMPTS_MAX - 1} attempts are kept there already")
 
@@ -143,7 +144,7 @@ def _claimed(path: Path) -> int:
     try:
         claim = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
-        raise RunDirectoryError(f"{path} cannot be used: {error.strerror}") from None
+        raise RunDirectoryError(unusable(path, error)) from None
     try:
         fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -13,9 +13,11 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
+from encircle.protocol.errors import suggestion
 from encircle.protocol.parameters import Meaning, Problems, Range
 from encircle.protocol.plugins import error_line
 from encircle.world.scenario.fields import shown
+from encircle.world.scenario.validation import Path as KeyPath
 from encircle.world.scenario.validation import problems_in
 
 Function = Callable[..., Any]
@@ -49,7 +51,19 @@ def check_parameters(function: Function, parameters: Mapping[str, Any]) -> None:
         # The function gets what was written, so "5" must not pass for 5; lists may be tuples.
         model.model_validate_json(json.dumps(tree), strict=True)
     except ValidationError as error:
-        raise Problems(list(problems_in(error, model, tree).values())) from None
+        found = problems_in(error, model, tree)
+        raise Problems([line + _known(path, line, model) for path, line in found.items()]) from None
+
+
+def _known(path: KeyPath, line: str, model: type[BaseModel]) -> str:
+    """What to add to a problem that is a parameter's name: those that there are."""
+    name, known = str(path[0]), list(model.model_fields)
+    if len(path) > 1 or name in known:
+        return ""
+    # A name without its unit is shorter than what is like it.
+    longer = [other for other in known if other.startswith(f"{name}_")]
+    near = "" if "did you mean" in line else suggestion(longer)
+    return f"{near}; " + (f"known are: {', '.join(known)}" if known else "there are none")
 
 
 def _is_plain(value: Any) -> bool:

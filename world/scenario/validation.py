@@ -62,6 +62,7 @@ PROBLEM_TEXTS: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "assertion_error": lambda context: str(context["error"]),
 }
 OTHERWISE = "cannot be used here"
+KEYS_NAMED_MAX = 3
 SLIP_LIKENESS_MIN = 0.85
 """The likeness of names that differ by a letter or two."""
 KEY = "[key]"
@@ -96,6 +97,8 @@ def problems_in(
             value, must = _value_at(tree, path), "must be a table whose keys are text"
         elif one["type"] in ("union_tag_invalid", "literal_error"):
             path, value, must = _choice(one, path)
+        elif must == TABLE:
+            must += _as_in(path, model)
         if (before := problems.setdefault(path, (value, [])))[1].count(must) == 0:
             before[1].append(must)
     return {path: _line(path, value, musts) for path, (value, musts) in problems.items()}
@@ -150,6 +153,25 @@ def _choice(one: Any, path: Path) -> tuple[Path, Any, str]:
         value,
         f"must be {'one of ' if len(known) > 1 else ''}{listed}" + did_you_mean(value, known),
     )
+
+
+def _as_in(path: Path, model: type[BaseModel]) -> str:
+    """How a table is written, and some of the keys that it may have."""
+    keys = list(dict.fromkeys(k for one in _tables_at(path, model) for k in one.model_fields))
+    named = keys[:KEYS_NAMED_MAX]
+    if not path or not all(isinstance(part, str) for part in path):
+        return f" with keys such as {_either(named)}" if named else ""
+    key = ".".join(map(str, path))
+    written = f", as in {key} = {{...}}"
+    if not named:
+        return written
+    return f"{written}, or set one of its keys, such as {_either([f'{key}.{k}' for k in named])}"
+
+
+def _either(names: Sequence[str]) -> str:
+    """As in ``a, b or c``."""
+    *others, last = names
+    return f"{', '.join(others)} or {last}" if others else last
 
 
 def _missing(path: Path, model: type[BaseModel], tree: Any) -> str:

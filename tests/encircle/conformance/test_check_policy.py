@@ -200,6 +200,10 @@ def drawing(text):
     return DRAWS.replace("{}", text)
 
 
+OF_A_TARGET = """
+def policy(memory, view):
+    return memory, (0.5 * view.step_m_max, 0.0)
+"""
 EXIT = ("decisions", "raises SystemExit: enough", "view.peers")
 OWN_ERROR = """
 class Own(BaseException):
@@ -238,6 +242,7 @@ MISTAKES = {
     ),
     "no target": (NO_TARGET, "no target", "line 11", "view.search"),
     "no memory": (NO_MEMORY, "decisions", "line 11", "memory is None at first"),
+    "of a target": (OF_A_TARGET, "decisions", "'step_m_max'", "looks like a target behaviour"),
     "lonely": (LONELY, "decisions", "min() arg", "view.peers may be empty"),
     "memory changed": (MUTATING, "inputs", "changes the memory", "{**memory"),
     "view changed": (VIEW_CHANGED, "inputs", "changes the view", "returns as memory"),

@@ -189,8 +189,8 @@ def test_the_tables_of_transport_are_shown(cli, recorded):
     assert "clocks" in output
 
 
-def shown(changes: dict, width: int = 80) -> str:
-    """The tables of a report with two links and a clock, on a terminal of a given width."""
+def shown(changes: dict, width: int = 80, clocks: tuple = ()) -> str:
+    """The tables of a report with two links and some clocks, on a terminal of a given width."""
     named = {"sender": "r1", "receiver": "world"}
     delays = {"delay_s_median": None, "delay_s_p99": None, "delay_s_error": 0.5}
     link = named | delays | {"carries": "pose", "sent": 7, "lost": 0, "unknown": 0}
@@ -199,7 +199,7 @@ def shown(changes: dict, width: int = 80) -> str:
         "tick_s": 0.02,
         "links": [link | {"delay_refused": reason} for reason in ("because", "because", None)],
         "injected": [fate | changes],
-        "clocks": [],
+        "clocks": clocks,
         "incomplete_from_tick": None,
     }
     console = Console(width=width, file=io.StringIO())
@@ -211,6 +211,15 @@ def shown(changes: dict, width: int = 80) -> str:
 def test_why_there_is_no_delay_stands_once_below_the_table():
     assert shown({}).count("because") == 1
     assert "no delay for 2 of 3 links: because\n" in shown({})
+
+
+@pytest.mark.parametrize("is_steady", [True, False])
+def test_clocks_have_a_column_for_remarks_if_there_are_any(is_steady):
+    named = {"offset_s": 0.1, "error_s": 0.1, "round_trip_s_median": 0.1}
+    clock = {"robot": "r1", "steady": is_steady, **named}
+    said = shown({}, clocks=(clock,))
+    assert "clock of" in said
+    assert ("remark" in said, "set anew in mid-run" in said) == (not is_steady, not is_steady)
 
 
 @pytest.mark.parametrize("did", [{"lost": {"loss": 1}}, {"copied": 1}, {"delay_s_max": 0.04}])

@@ -148,7 +148,7 @@ def test_a_plan_survives_its_way_to_a_worker():
         ({"axis": []}, "axis = []: unknown key"),
         ({"axes": [{**LOSS, "keys": 1}]}, "axes.0.keys = 1: unknown key"),
         ({"axes": [{**LOSS, "values": [0.0, 1.5]}]}, "channel.loss.rate = 1.5"),
-        ({"axes": [{**LOSS, "key": "channel.loss.rat"}]}, "channel.loss.rat = 0.5: unknown key"),
+        ({"axes": [{**LOSS, "key": "channel.loss.rat"}]}, "channel.loss.rat = 0.0: unknown key"),
         ({"axes": [{**LOSS, "values": []}]}, "at least one level"),
         ({"axes": [{**LOSS, "values": [0.1, 0.1]}]}, "every level once"),
         ({"axes": [{**LOSS, "arms": []}]}, "give one of values, range and arms"),
@@ -185,6 +185,25 @@ def test_a_problem_of_many_cells_is_told_once_with_where_it_first_is():
     text = refusal(axes=[{**LOSS, "values": [0.5, 1.5]}], strategies=["xi-0", "xi-1"])
     assert text.count("1.5") == 2  # value and where
     assert "(at loss = 1.5, strategy = xi-0)" in text
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("channel.loss.rat", "channel.loss.rat = 0.1: unknown key (did you mean 'rate'?)"),
+        ("channel.loss.burst_packets", "channel.loss.burst_packets = 0.1: has no meaning"),
+        ("title.x", "override 'title.x=0.1': there is no such key"),
+    ],
+)
+def test_a_wrong_key_is_told_once_however_many_values_it_has(key, said):
+    text = refusal(axes=[{**LOSS, "key": key, "values": [0.1, 0.2]}])
+    assert "one problem" in text
+    assert said in text
+
+
+def test_every_wrong_value_of_a_key_is_told():
+    text = refusal(axes=[{**LOSS, "values": [1.25, 1.5]}])
+    assert "has 2 problems" in text
 
 
 def test_files_that_are_no_studies(tmp_path):

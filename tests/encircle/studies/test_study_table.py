@@ -222,5 +222,7 @@ def test_the_directory_tells_what_it_holds(tmp_path):
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(StudyError, match="cannot be used"):
-        StudyTable(tmp_path / "file" / "t", plan(), CODE)
+    for place in (tmp_path / "file", tmp_path / "file" / "t"):
+        said = f"{place} cannot be used: .* is a file, and a directory is needed"
+        with pytest.raises(StudyError, match=said):
+            StudyTable(place, plan(), CODE)

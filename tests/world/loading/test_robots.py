@@ -106,7 +106,10 @@ def test_policies_get_the_teams_parameters_unless_theirs_is_another_policy():
         (["team.robots.r0.step_m_max=1"], "team.robots.r0 = {'step_m_max': 1}: robots are r1 to"),
         (["team.robots.cuont=3"], "team.robots.cuont = 3: robots are r1 to r4 (did you mean 'c"),
         (["team.robots.step_m_max=1"], "team.robots.step_m_max = 1: robots are r1 to r4"),
-        (["team.robots.r1=0.2"], "team.robots.r1 = 0.2: must be a table"),
+        (
+            ["team.robots.r1=0.2"],
+            "team.robots.r1 = 0.2: must be a table, as in team.robots.r1 = {...}, or set one",
+        ),
         (["team.robots.r1.step_max=1"], "team.robots.r1.step_max = 1: unknown key (did you mean '"),
         (["team.robots.r1.step_m_max=0"], "team.robots.r1.step_m_max = 0: must be above 0"),
         (["team.robots.r1.step_m_max=5e3"], "team.robots.r1.step_m_max = 5000.0: must be from"),
@@ -144,7 +147,10 @@ def test_a_problem_of_the_teams_policy_is_told_once():
 
 def test_a_count_beside_positions_must_be_theirs():
     (line,) = refusal("team.robots.count=3", SLOW, tree=PLACES)
-    assert line == "  team.robots.count = 3: but 4 positions are given"
+    assert line == (
+        "  team.robots.count = 3: but 4 positions are given; give 3, or leave team.positions out to"
+        " have robots placed at random (team.placement)"
+    )
 
 
 def test_a_team_of_no_size_is_refused_for_that_alone():

@@ -124,6 +124,52 @@ def test_an_unknown_key_is_refused_with_its_value(table):
     assert f"\n  {table}colour = 987: unknown key" in refusal(f"{table}colour=987", tree=FULL)
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            "channel.loss=0.6",
+            "must be a table, as in channel.loss = {...}, or set one of its keys, such as"
+            " channel.loss.model, channel.loss.rate or channel.loss.good_to_bad",
+        ),
+        ("team.policy_parameters=3", "must be a table, as in team.policy_parameters = {...}"),
+        ("obstacles.0=3", "must be a table with keys such as position or radius_m"),
+    ],
+)
+def test_what_must_be_a_table_is_told_how_it_is_written(change, said):
+    key, _, value = change.partition("=")
+    assert f"\n  {key} = {value}: {said}\n" in refusal(change, tree=FULL) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("target.parameters.range=3", "unknown key; known are: obstacle_range_m"),
+        ("target.parameters.obstacle=3", "unknown key (did you mean 'obstacle_range_m'?); known"),
+        ("team.policy_parameters.lead=3", "unknown key; there are none (team.strategy = "),
+    ],
+)
+def test_an_unknown_own_parameter_is_told_which_there_are(change, said):
+    key, _, value = change.partition("=")
+    assert f"\n  {key} = {value}: {said}" in refusal(change)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"ticks_max": -1},
+        {"events": [{"kind": "silence", "robot": "r9", "tick": -1, "ticks": 2}]},
+        {"events": [{"kind": "silence", "robot": "r9", "tick": 1, "ticks": 2, "colour": 1}]},
+        {"events": [{"kind": "outage", "sender": "r9", "tick": 1, "ticks": 2}, {"kind": "x"}]},
+    ],
+)
+def test_an_unknown_robot_of_an_event_is_listed_with_all_else(wrong):
+    event = {"kind": "silence", "robot": "r9", "tick": 1, "ticks": 2}
+    said = refusal(tree={"team": {"robots": 4}, "events": [event], **wrong})
+    assert "2 problems" in said
+    assert "= 'r9': robots are r1, r2, r3, r4" in said
+
+
 @pytest.mark.parametrize("table", ["robot.", "target.parameters."])
 def test_an_unknown_parameter_of_robot_or_behaviour_is_refused_with_its_value(table):
     said = refusal(f"{table}colour=987")

@@ -44,9 +44,11 @@ def test_a_directory_that_is_not_empty_is_refused_and_left_as_it_is(tmp_path, co
 def test_a_file_in_the_way_is_refused_and_left_as_it_is(tmp_path):
     path = tmp_path / "taken"
     path.write_text("precious")
-    for wanted in (path, path / "below"):
-        with pytest.raises(RunDirectoryError, match="taken"):
+    for wanted, it in ((path, "it"), (path / "below", str(path))):
+        with pytest.raises(RunDirectoryError) as caught:
             create(wanted)
+        said = f"{wanted} cannot be used: {it} is a file, and a directory is needed"
+        assert str(caught.value) == said
     assert path.read_text() == "precious"
 
 

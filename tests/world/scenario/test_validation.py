@@ -456,3 +456,13 @@ def test_an_object_and_a_partial_have_the_parameters_of_what_they_call(policy):
         check_parameters(policy, {"weight": 2.0})
     (line,) = refused.value.lines
     assert line.startswith("weight")
+
+
+def test_of_an_own_parameter_without_its_unit_it_is_told_what_was_meant():
+    def policy(memory, view, *, lead_ticks=3.0, reach_m=1.0):
+        return memory, view.search
+
+    with pytest.raises(Problems) as caught:
+        check_parameters(policy, {"lead": 3})
+    known = "(did you mean 'lead_ticks'?); known are: lead_ticks, reach_m"
+    assert list(caught.value.lines) == [f"lead = 3: unknown key {known}"]
