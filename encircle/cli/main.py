@@ -117,6 +117,8 @@ def _status(run: Callable[[Sequence[str], str], int], rest: Sequence[str], progr
 def _failure(error: BaseException) -> tuple[int, str] | None:
     """Exit status and text for an error that a user can do something about, else None."""
     # Imported late: a robot that does well needs nothing of the world.
+    from concurrent.futures.process import BrokenProcessPool
+
     from encircle.extras import MissingExtra, missing_line
     from encircle.protocol.plugins import PluginFailed
     from encircle.protocol.process.interrupts import Interrupted
@@ -131,6 +133,8 @@ def _failure(error: BaseException) -> tuple[int, str] | None:
             return 2, str(error)
         case Interrupted() | ServerFailed():
             return 1, str(error)
+        case BrokenProcessPool():
+            return 1, f"a worker process died: {error}"
         case RunFailed():
             return 1, f"the run failed: {error}"
         case ModuleNotFoundError(name=str(name)) if name.partition(".")[0] in laboratory.PACKAGES:

@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent import futures
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from functools import partial
 from multiprocessing import active_children, connection, get_context, parent_process
@@ -83,8 +84,12 @@ def _done(
 ) -> Iterator[Done]:
     waiting: set[futures.Future[Done]] = set()
     for task in tasks:
-        with sigint_blocked(), _safe_path():
-            waiting.add(pool.submit(work, task))
+        try:
+            with sigint_blocked(), _safe_path():
+                waiting.add(pool.submit(work, task))
+        except OSError as error:
+            # Python raises this for a process that is gone before it has begun.
+            raise BrokenProcessPool(f"no process can be started: {error}") from error
         while len(waiting) >= TASKS_PER_WORKER * workers:
             done, waiting = _some(waiting)
             yield from (future.result() for future in done)
