@@ -16,12 +16,12 @@ from pydantic import PrivateAttr, ValidationError
 
 from encircle.bundles.bundle_file import PLAN, POLICIES_FOLDER, TRACES_FOLDER, BundleError, sha256
 from encircle.bundles.stand_ins import load_with_stand_ins
-from encircle.bundles.strict_json import strict_json
 from encircle.bundles.table_text import ROWS_MAX
 from encircle.measures import registry as measures
 from encircle.measures.registry import is_shipped, split_name
 from encircle.protocol.plugin_files import is_in_file
 from encircle.protocol.plugins import MEASURES_GROUP, STRATEGIES, TARGETS, error_line
+from encircle.strict_json import strict_json
 from encircle.studies.plan import CELLS_MAX, Plan
 from encircle.studies.plan_problems import cell_count, plan_problems
 from encircle.world.loading.consistency import POLICIES

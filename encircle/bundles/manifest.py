@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from encircle.bundles.bundle_file import MANIFEST, BundleError, Members, NotABundle, sha256
-from encircle.bundles.strict_json import strict_json
+from encircle.strict_json import strict_json
 from encircle.studies.plan import Plan
 
 FORMAT, VERSION = "encircle-bundle", 1

@@ -20,10 +20,10 @@ import matplotlib
 from encircle.bundles.bundle_file import FIGURES_FOLDER, NUMBERS, REPORT, REPORT_FOLDER
 from encircle.bundles.contents import Contents
 from encircle.bundles.findings import Verification
-from encircle.bundles.pictures import picture_problem
 from encircle.bundles.report_members import report_members
-from encircle.bundles.strict_json import strict_json
+from encircle.figures.picture_comparison import picture_problem
 from encircle.protocol.plugins import error_line
+from encircle.strict_json import strict_json
 from encircle.studies.study_table import StudyTable
 
 RELATIVE, ABSOLUTE = 1e-9, 1e-12

@@ -23,9 +23,9 @@ from encircle.bundles.bundle_file import (
     read_members,
     write_members,
 )
-from encircle.bundles.pictures import picture_problem
 from encircle.bundles.reruns import NotRun, do
 from encircle.bundles.table_text import equal
+from encircle.figures.picture_comparison import picture_problem
 from encircle.studies.tasks import Task
 
 
