@@ -62,7 +62,10 @@ def bundle_main(arguments: Sequence[str], program: str) -> int:
         say_error(*f"encircle: {error}".split("\n"))
         return 2
     for source in packed.left_out:
-        say_error(f"encircle: {source} is imported by a policy and lies elsewhere: left out")
+        say_error(
+            f"encircle: {source} is imported by a policy, and lies elsewhere or is no source:"
+            " left out"
+        )
     if settings.json:
         facts = {"bundle": str(packed.path), "study": plan.name, "runs": packed.plan.runs}
         facts |= {"recordings": packed.recordings, "bytes": packed.bytes, "sha256": packed.sha256}

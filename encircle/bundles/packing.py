@@ -43,7 +43,7 @@ SOURCE = ".py"
 
 
 class Packed(NamedTuple):
-    """A bundle that was made. ``left_out``: sources that a policy imports and that lie elsewhere.
+    """A bundle that was made. ``left_out``: what a policy imports and that is not packed.
 
     ``policies``: how many sources of policies it holds.
     ``sha256``: of its manifest, which has the hashes of all other members: who knows it knows them.
@@ -167,7 +167,7 @@ def _trace(name: str) -> tuple[str, bytes]:
 def _policies(plan: Plan) -> tuple[dict[str, bytes], tuple[str, ...]]:
     """The files of policies, behaviours and measures, with what lies beside them and is imported.
 
-    Second: sources that they import from elsewhere, which cannot be packed.
+    Second: what they import from elsewhere, or that is no source, which cannot be packed.
     """
     named = [name for _, name in plan.plugins if is_in_file(name)]
     members, left_out = {}, []
