@@ -6,6 +6,7 @@ none.
 """
 
 import json
+from collections import Counter
 from typing import Any
 
 
@@ -19,8 +20,8 @@ def strict_json(content: bytes) -> Any:
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
+        counts = Counter(name for name, _ in pairs)
+        twice = next(name for name, count in counts.items() if count > 1)
         raise ValueError(f"{twice[:40]!r} comes twice in one map")
     return found
 

@@ -33,6 +33,7 @@ from encircle.benchmark.tasks import POLICIES, STUDY, VERSION, submission_plan
 from encircle.bundles.contents import opened
 from encircle.bundles.findings import Verification
 from encircle.bundles.packing import pack
+from encircle.protocol.process.interrupts import check, signals_held
 from encircle.protocol.process.log import printable, say_error
 from encircle.studies.command.executing import run_shown
 from encircle.studies.plan import StudyError
@@ -94,6 +95,7 @@ def run_submission(request: Request) -> dict[str, Any]:
     return {**written, "ran": ran, "bundle": str(bundle), "sha256": packed.sha256}
 
 
+@signals_held()
 def score_bundle(path: Path, directory: Path) -> dict[str, Any]:
     """Write the page of a submission's bundle into a directory; returns what ``--json`` prints.
 
@@ -109,6 +111,7 @@ def score_bundle(path: Path, directory: Path) -> dict[str, Any]:
         _check_title(contents.plan.title, path)
         runs = runs_of(contents.plan, contents.rows, contents.manifest["code"], str(path))
         brings_policies = bool(contents.manifest["policies"])
+    check()
     split_seeds(runs)
     commands = (
         shlex.join(["encircle", "benchmark", path.name, "--out", CHECKED]),

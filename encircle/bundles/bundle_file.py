@@ -1,18 +1,21 @@
 """A bundle as a file: a zip whose members, their order and their dates are fixed.
 
 A bundle comes from strangers. Nothing of it is unpacked under a name that it chooses: members are
-read into memory, one at a time, and only under names that a bundle can have. What a member says of
-its own size is not believed, and what is read has limits, so that a small file cannot become a
-large one.
+read into memory, one at a time, and only under names that a bundle can have. What is read has
+limits, so that a small file cannot become a large one. A zip says twice what is in it, before each
+member and in its directory, and tools differ in which they believe: here both must say the same,
+and the packed bytes must be those of the member and no others.
 """
 
 import hashlib
 import os
 import re
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 MANIFEST, PLAN, TABLE = "bundle.json", "plan.json", "table.csv"
 REPORT, NUMBERS = "report/report.html", "report/numbers.json"
@@ -34,8 +37,10 @@ MEMBERS_MAX = 2000
 TABLE_BYTES_MAX, MEMBER_BYTES_MAX, BUNDLE_BYTES_MAX = 2**29, 2**26, 2**30
 """How large a table, any other member, and all of a bundle may be, packed and unpacked."""
 JSON_BYTES_MAX = 2**24
-"""How large a member of JSON may be, which takes many times that in memory."""
-HEADER_BYTES, ENTRY_BYTES, END_BYTES = 30, 46, 22
+"""How large manifest and plan may be: JSON takes many times its length in memory."""
+HEADER = struct.Struct("<4s5H3I2H")
+HEADER_BEGINS = b"PK\x03\x04"
+HEADER_BYTES, ENTRY_BYTES, END_BYTES = HEADER.size, 46, 22
 """What a zip has before each member, and for each in its directory, besides texts; and its end."""
 DATE = (1980, 1, 1, 0, 0, 0)
 LEVEL = 6
@@ -97,7 +102,7 @@ def read_members(path: Path) -> dict[str, bytes]:
         try:
             with zipfile.ZipFile(content) as file:
                 _refuse_bytes_of_no_member(path, file, size)
-                return dict(_members(path, file))
+                return dict(_members(path, file, content))
         except BundleError:
             raise
         except DAMAGED as error:
@@ -134,14 +139,16 @@ def _bytes_of(info: zipfile.ZipInfo) -> bytes:
     return info.orig_filename.encode()
 
 
-def _members(path: Path, file: zipfile.ZipFile) -> Iterator[tuple[str, bytes]]:
+def _members(path: Path, file: zipfile.ZipFile, content: BinaryIO) -> Iterator[tuple[str, bytes]]:
     infos = file.infolist()
     names = [info.filename for info in infos]
     if len(infos) > MEMBERS_MAX:
         raise BundleError(f"{path}: has {len(infos)} members, at most {MEMBERS_MAX} are allowed")
     for info in infos:
-        if NAME.fullmatch(info.filename) is None or ".." in info.filename:
-            raise BundleError(f"{path}: member {info.filename!r}: no bundle has one of that name")
+        # The reader cuts a name where others may not.
+        if NAME.fullmatch(info.orig_filename) is None or ".." in info.filename:
+            name = info.orig_filename
+            raise BundleError(f"{path}: member {name!r}: no bundle has one of that name")
         if names.count(info.filename) > 1:
             raise BundleError(f"{path}: member {info.filename!r}: stands twice")
         if info.flag_bits & 0x1 or info.compress_type not in (
@@ -155,19 +162,44 @@ def _members(path: Path, file: zipfile.ZipFile) -> Iterator[tuple[str, bytes]]:
     left = BUNDLE_BYTES_MAX
     for info in infos:
         most = min(left, bytes_max(info.filename))
-        with file.open(info) as member:
-            content = member.read(most + 1)
-        if len(content) > most:
+        if info.file_size > most:
             raise BundleError(f"{path}: member {info.filename!r}: is larger than {most} bytes")
-        left -= len(content)
-        yield info.filename, content
+        left -= info.file_size
+        yield info.filename, _unpacked(path, info, content)
+
+
+def _unpacked(path: Path, info: zipfile.ZipInfo, content: BinaryIO) -> bytes:
+    """A member's bytes; ``BundleError`` unless all that the zip says of it is the same and true."""
+    content.seek(info.header_offset)
+    head, name = content.read(HEADER_BYTES), content.read(len(_bytes_of(info)))
+    packed = content.read(info.compress_size)
+    says = HEADER.unpack(head) if len(head) == HEADER_BYTES else ()
+    sizes = (info.CRC, info.compress_size, info.file_size, len(_bytes_of(info)), 0)
+    stored = info.compress_type == zipfile.ZIP_STORED
+    unpacker = zlib.decompressobj(-zlib.MAX_WBITS)
+    unpacked = packed if stored else unpacker.decompress(packed, info.file_size + 1)
+    if (
+        says[:1] != (HEADER_BEGINS,)
+        or (says[2], says[3]) != (info.flag_bits, info.compress_type)
+        or says[6:] != sizes
+        or name != _bytes_of(info)
+        or (info.flag_bits, info.external_attr) != (0, REGULAR_FILE)
+        or len(unpacked) != info.file_size
+        or zlib.crc32(unpacked) != info.CRC
+        or not (stored or (unpacker.eof and not unpacker.unused_data))
+    ):
+        raise BundleError(
+            f"{path} is no whole bundle: member {info.filename!r} is not what the zip says of it,"
+            " or that says two things"
+        )
+    return unpacked
 
 
 def bytes_max(name: str) -> int:
     """How many bytes a member may have."""
     if name == TABLE:
         return TABLE_BYTES_MAX
-    return JSON_BYTES_MAX if name in (MANIFEST, PLAN, NUMBERS) else MEMBER_BYTES_MAX
+    return JSON_BYTES_MAX if name in (MANIFEST, PLAN) else MEMBER_BYTES_MAX
 
 
 def _refuse_large(sizes: Mapping[str, int]) -> None:

@@ -160,8 +160,8 @@ def _answers(jobs: Sequence[Job], workers: int, folder: Path | None) -> Iterator
     with signals_held(), closing(processes) as answers:
         try:
             yield from answers
-        except BrokenProcessPool:
-            raise BundleError("a process that ran rows of the bundle died") from None
+        except BrokenProcessPool as error:
+            raise BundleError(f"a process for rows of the bundle is gone: {error}") from None
 
 
 def _compare_row(contents: Contents, found: Verification, given: Row, again: Row) -> bool:

@@ -134,7 +134,7 @@ def _failure(error: BaseException) -> tuple[int, str] | None:
         case Interrupted() | ServerFailed():
             return 1, str(error)
         case BrokenProcessPool():
-            return 1, f"a worker process died: {error}"
+            return 1, f"a process for the work is gone: {error}"
         case RunFailed():
             return 1, f"the run failed: {error}"
         case ModuleNotFoundError(name=str(name)) if name.partition(".")[0] in laboratory.PACKAGES:

@@ -1,8 +1,9 @@
 """Two PNG pictures compared: all that a viewer may go by, and not only the pixels.
 
-The same pixels can be packed into other bytes. But a further frame, or a chunk that changes
-colours, would show the reader another picture than the one that is compared here: a picture may
-have no chunk that ours has not, but for those that pack pixels otherwise.
+The same pixels can be packed into other bytes. But a further frame, a chunk that changes colours,
+or other numbers for the same colours, which viewers read each in its way, would show the reader
+another picture than the one that is compared here: all chunks but those of packed pixels and of
+texts must be as ours are.
 """
 
 import io
@@ -14,9 +15,11 @@ from PIL import Image
 from encircle.protocol.plugins import error_line
 
 PIXELS_MAX = 2**26
+PLACE = b"pHYs"
+"""How large a pixel is, in metres, which tools that pack a picture anew may leave out."""
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
-PACKING = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"tEXt", b"IEND")
-"""Chunks that say how the pixels are packed, and texts that nobody is shown."""
+FREE = (b"IDAT", b"tEXt")
+"""Chunks that may be otherwise: the packed pixels, and texts that nobody is shown."""
 
 
 def picture_problem(given: bytes, made: bytes) -> str:
@@ -24,9 +27,13 @@ def picture_problem(given: bytes, made: bytes) -> str:
     if given == made:
         return ""
     try:
-        if foreign := [chunk for chunk in _chunks(given) if chunk not in _chunks(made)]:
-            kind, content = foreign[0]
-            return f"has a part {kind!r} of {len(content)} bytes, which ours has not"
+        own = _chunks(made)
+        theirs = _chunks(given, len(own))
+        for kind, content in theirs:
+            if (kind, content) not in own:
+                return f"has a part {kind!r} of {len(content)} bytes, which ours has not"
+        if theirs != [chunk for chunk in own if chunk in theirs or chunk[0] != PLACE]:
+            return "has not the parts that ours has"
         with (
             Image.open(io.BytesIO(made)) as mine,
             Image.open(io.BytesIO(given), formats=["PNG"]) as it,
@@ -41,10 +48,10 @@ def picture_problem(given: bytes, made: bytes) -> str:
     return f"{pixels} of {one.shape[0] * one.shape[1]} pixels differ" if pixels else ""
 
 
-def _chunks(picture: bytes) -> list[tuple[bytes, bytes]]:
-    """Kind and content of each chunk that is not of ``PACKING``; ``ValueError`` if it is damaged.
+def _chunks(picture: bytes, most: int | None = None) -> list[tuple[bytes, bytes]]:
+    """Kind and content of each chunk that is not free; ``ValueError`` if it is no whole PNG.
 
-    After the end there is nothing.
+    After the end there is nothing. ``most``: one more than so many are enough to tell.
     """
     if not picture.startswith(SIGNATURE):
         raise ValueError("it is no PNG picture")
@@ -58,6 +65,8 @@ def _chunks(picture: bytes) -> list[tuple[bytes, bytes]]:
         if len(checked) < 4 or zlib.crc32(kind + content) != int.from_bytes(checked, "big"):
             raise ValueError(f"its part {kind!r} is damaged")
         at += 12 + length
-        if kind not in PACKING:
+        if kind not in FREE:
             found.append((kind, content))
+            if most is not None and len(found) > most:
+                return found
     return found

@@ -21,7 +21,7 @@ from encircle.world.scenario.fields import DELAY_S_MAX, shown
 COLUMNS = ("lost", "delay_s", "sender", "receiver")
 ROBOT = re.compile(r"r[1-9][0-9]*", re.ASCII)
 CELL_BYTES_MAX, PARQUET_BYTES_MAX = 64, 2**28
-"""How long a text in a Parquet file may be, and all of it when it is unpacked."""
+"""How long a text in a Parquet file may be, and the columns that are read, as the file says."""
 BITS = {"0": 0, "1": 1, "false": 0, "true": 1, "0.0": 0, "1.0": 1}
 
 
@@ -156,37 +156,62 @@ def _from_csv(path: Path) -> Trace:
             if len(rows) == TRACE_ROWS_MAX:
                 raise _too_long(path, f"more than {TRACE_ROWS_MAX}")
             rows.append(line)
-    if len(set(header)) < len(header):
-        raise TraceError(f"{path}: two columns have one name: {', '.join(header)}")
+    _check_names(path, header)
     columns = {name: [row[index] for row in rows] for index, name in enumerate(header)}
     return Trace(path, header, columns, len(rows))
 
 
 def _from_parquet(path: Path) -> Trace:
     try:
-        from pyarrow import ArrowException, parquet, types
+        from pyarrow import ArrowException, parquet
     except ImportError:
         raise TraceError(
             f"{path}: reading Parquet needs pyarrow (pip install 'encircle[studies]'), CSV does not"
         ) from None
     try:
         with parquet.ParquetFile(path) as file:
-            rows, schema, head = file.metadata.num_rows, file.schema_arrow, file.metadata
-        if rows > TRACE_ROWS_MAX:
-            raise _too_long(path, str(rows))
-        size = sum(head.row_group(k).total_byte_size for k in range(head.num_row_groups))
-        if size > PARQUET_BYTES_MAX:
-            raise TraceError(f"{path}: unpacks to {size} bytes, at most {PARQUET_BYTES_MAX} may be")
+            head, schema = file.metadata, file.schema_arrow
+        if head.num_rows > TRACE_ROWS_MAX:
+            raise _too_long(path, str(head.num_rows))
+        _check_names(path, schema.names)
         read = [name for name in schema.names if name in COLUMNS]
-        texts = [name for name in read if types.is_string(schema.field(name).type)]
+        for name in read:
+            _check_type(path, schema.field(name))
+        texts = [name for name in read if _is_text(schema.field(name).type)]
         # A few long texts, many times, are a small file and a huge table: each is had once.
         with parquet.ParquetFile(path, read_dictionary=texts) as file:
+            _check_size(path, head, read)
             table = file.read(columns=read)
         for name in texts:
             _check_texts(path, name, table[name])
-        return Trace(path, schema.names, table.to_pydict(), rows)
+        return Trace(path, schema.names, table.to_pydict(), head.num_rows)
     except ArrowException as error:
         raise TraceError(f"{path} cannot be read: {error}") from None
+
+
+def _check_type(path: Path, field: Any) -> None:
+    from pyarrow import types
+
+    plain = (types.is_boolean, types.is_integer, types.is_floating, types.is_null, _is_text)
+    if not any(is_plain(field.type) for is_plain in plain):
+        raise TraceError(
+            f"{path}, {field.name}: is of {field.type}, must be truth values, numbers or texts"
+        )
+
+
+def _is_text(kind: Any) -> bool:
+    from pyarrow import types
+
+    kind = kind.value_type if types.is_dictionary(kind) else kind
+    return bool(types.is_string(kind) or types.is_large_string(kind))
+
+
+def _check_size(path: Path, head: Any, read: Sequence[str]) -> None:
+    groups = [head.row_group(k) for k in range(head.num_row_groups)]
+    columns = [group.column(k) for group in groups for k in range(group.num_columns)]
+    size = sum(c.total_uncompressed_size for c in columns if c.path_in_schema in read)
+    if size > PARQUET_BYTES_MAX:
+        raise TraceError(f"{path}: has {size} bytes to be read, at most {PARQUET_BYTES_MAX} may be")
 
 
 def _check_texts(path: Path, name: str, column: Any) -> None:
@@ -198,6 +223,11 @@ def _check_texts(path: Path, name: str, column: Any) -> None:
             raise TraceError(
                 f"{path}, {name}: has a text of {longest} bytes, at most {CELL_BYTES_MAX} may be"
             )
+
+
+def _check_names(path: Path, names: Sequence[str]) -> None:
+    if len(set(names)) < len(names):
+        raise TraceError(f"{path}: two columns have one name: {', '.join(names)}")
 
 
 def _too_long(path: Path, rows: str) -> TraceError:

@@ -149,6 +149,18 @@ def test_a_picture_with_a_further_part_is_another_one(members, kind, content):
     assert repr(kind) in problem
 
 
+def test_a_picture_of_other_numbers_for_its_colours_is_another_one(members):
+    """With 16 bits to a colour, viewers differ in what is transparent."""
+    name = next(name for name in members if name.endswith(".png"))
+    picture = members[name]
+    size = picture[16:24]
+    head = chunk(b"IHDR", size + bytes((16, 2, 0, 0, 0)))
+    forged = picture[:8] + head + chunk(b"tRNS", bytes(6)) + picture[33:]
+    assert "b'IHDR'" in picture_problem(forged, picture)
+    twice = picture[:33] + picture[8:33] + picture[33:]
+    assert picture_problem(twice, picture) == "has not the parts that ours has"
+
+
 def test_a_picture_ends_at_its_end_and_is_whole(members):
     name = next(name for name in members if name.endswith(".png"))
     picture = members[name]
@@ -164,9 +176,87 @@ def test_a_page_of_nothing_but_brackets_is_compared_at_once(members, tmp_path, m
 
 
 def test_json_has_a_limit_of_its_own(tmp_path, members):
-    members[NUMBERS] = b"0" * (JSON_BYTES_MAX + 1)
+    members[PLAN] = b"0" * (JSON_BYTES_MAX + 1)
     with pytest.raises(BundleError, match=f"may have {JSON_BYTES_MAX}"):
         written(members, tmp_path / "b.zip")
+
+
+def test_numbers_far_longer_than_ours_are_not_looked_through(members, tmp_path, monkeypatch):
+    members[NUMBERS] += b" " * (2 * len(members[NUMBERS]) + 2**20)
+    (line,) = found_in(members, tmp_path, monkeypatch)
+    assert line.startswith(f"{NUMBERS}: {len(members[NUMBERS])} bytes")
+
+
+def test_many_names_are_looked_through_at_once(members, tmp_path, monkeypatch):
+    # A search for each would take hours; the limit on each test ends it.
+    names = ", ".join(f'"{k}": 0' for k in range(400_000))
+    members = with_hashes(members)
+    members[MANIFEST] = f'{{{names}, "7": 1}}'.encode()
+    with pytest.raises(BundleError, match="'7' comes twice in one map"):
+        verified(written(members, tmp_path / "b.zip"), monkeypatch, rows=0)
+
+
+def repacked(bundle, path, change):
+    """A bundle of which a member is packed otherwise; ``change`` gets its content and headers."""
+    with zipfile.ZipFile(bundle) as file:
+        infos = file.infolist()
+        contents = {info.filename: file.read(info) for info in infos}
+    out, directory = b"", b""
+    for info in infos:
+        name, content = info.filename.encode(), contents[info.filename]
+        says = {"crc": zlib.crc32(content), "size": len(content)}
+        central = dict(says)
+        packer = zlib.compressobj(6, zlib.DEFLATED, -zlib.MAX_WBITS)
+        packed = packer.compress(content) + packer.flush()
+        if info.filename == REPORT:
+            packed = change(content, packed, says, central)
+        fields = (20, 0, 8, 0, 33)
+        at = len(out)
+        sizes = (says["crc"], len(packed), says["size"], len(name), 0)
+        out += struct.pack("<4s5H3I2H", b"PK\x03\x04", *fields, *sizes) + name + packed
+        sizes = (central["crc"], len(packed), central["size"], len(name), 0, 0, 0, 0)
+        head = (b"PK\x01\x02", 3 << 8 | 20, *fields, *sizes, 0o100644 << 16, at)
+        directory += struct.pack("<4s6H3I5H2I", *head) + name
+    count = len(infos)
+    end = (b"PK\x05\x06", 0, 0, count, count, len(directory), len(out), 0)
+    path.write_bytes(out + directory + struct.pack("<4s4H2IH", *end))
+    return path
+
+
+def unaltered(_content, packed, _says, _central):
+    return packed
+
+
+def with_a_longer_page(content, _packed, says, _central):
+    packer = zlib.compressobj(6, zlib.DEFLATED, -zlib.MAX_WBITS)
+    longer = content + b"<script>document.body.innerHTML = 'forged'</script>"
+    says.update(crc=zlib.crc32(longer), size=len(longer))
+    return packer.compress(longer) + packer.flush()
+
+
+def with_bytes_behind_it(_content, packed, _says, _central):
+    return packed + b"hidden" * 100
+
+
+def with_another_size_before_it(_content, packed, says, _central):
+    says["size"] -= 1
+    return packed
+
+
+def test_a_bundle_that_is_packed_anew_is_read(bundle, tmp_path):
+    assert read_members(repacked(bundle, tmp_path / "b.zip", unaltered)) == read_members(bundle)
+
+
+@pytest.mark.parametrize(
+    "change", [with_a_longer_page, with_bytes_behind_it, with_another_size_before_it]
+)
+def test_a_zip_says_one_thing_of_a_member_and_that_is_so(bundle, tmp_path, change):
+    path = repacked(bundle, tmp_path / "b.zip", change)
+    # What reads the directory alone finds nothing wrong.
+    with zipfile.ZipFile(path) as file:
+        assert file.testzip() is None
+    with pytest.raises(BundleError, match="is not what the zip says of it"):
+        read_members(path)
 
 
 @pytest.mark.parametrize("where", ["before", "after", "comment"])

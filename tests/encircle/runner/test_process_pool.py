@@ -25,4 +25,4 @@ def test_a_command_says_so_in_one_line(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("encircle.paper.reproduce.reproduce", reproduce)
     assert main(["reproduce", "--out", str(tmp_path / "made")]) == 1
     said = capsys.readouterr().err
-    assert said == "encircle: a worker process died: no process can be started\n"
+    assert said == "encircle: a process for the work is gone: no process can be started\n"

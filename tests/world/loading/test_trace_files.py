@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from encircle.world.arena import engine
 from encircle.world.loading.channel_consistency import TRACE_ROWS_MAX
 from encircle.world.loading.load import load
+from encircle.world.loading.trace_files import read_trace, rows_of
 from encircle.world.scenario.errors import ScenarioError
 
 SAME = "lost,delay_s\n0,0.1\n1,\n0,0.35\n"
@@ -265,7 +266,45 @@ def test_a_small_parquet_file_does_not_become_a_huge_table(tmp_path):
     assert "lost: has a text of 65536 bytes, at most 64 may be" in refusal(path)
     parquet.write_table(table, path, use_dictionary=False)
     assert path.stat().st_size < 2**26
-    assert "unpacks to 327" in refusal(path)
+    assert "has 327700175 bytes to be read, at most 268435456 may be" in refusal(path)
+
+
+def test_of_parquet_only_what_is_read_has_limits(tmp_path):
+    import pyarrow
+    from pyarrow import parquet
+
+    path = tmp_path / "trace.parquet"
+    payload = pyarrow.array([bytes(200_000)] * 2000)
+    columns = {"lost": pyarrow.array(["0", "1"] * 1000, pyarrow.large_string())}
+    parquet.write_table(
+        pyarrow.table({**columns, "payload": payload}), path, use_dictionary=["lost"]
+    )
+    trace = read_trace(path)
+    assert trace.rows == 2000
+    assert rows_of(trace, "loss")["values"][:2] == [0, 1]
+
+
+@pytest.mark.parametrize("text", ["string", "large_string"])
+def test_long_texts_of_either_kind_are_refused(tmp_path, text):
+    import pyarrow
+    from pyarrow import parquet
+
+    path = tmp_path / "trace.parquet"
+    robots = pyarrow.array(["r" * 1000, "r1"], getattr(pyarrow, text)())
+    parquet.write_table(pyarrow.table({"lost": [0, 1], "sender": robots}), path)
+    assert "sender: has a text of 1000 bytes" in refusal(path)
+
+
+def test_a_column_of_lists_or_of_a_name_that_another_has_is_refused(tmp_path):
+    import pyarrow
+    from pyarrow import parquet
+
+    path = tmp_path / "trace.parquet"
+    parquet.write_table(pyarrow.table({"lost": [[0], [1]]}), path)
+    assert "lost: is of list" in refusal(path)
+    two = [pyarrow.array([0, 1]), pyarrow.array([0, 1])]
+    parquet.write_table(pyarrow.table(two, names=["lost", "lost"]), path)
+    assert "two columns have one name" in refusal(path)
 
 
 def test_without_pyarrow_parquet_is_refused_and_says_what_is_missing(tmp_path, monkeypatch):
