@@ -52,7 +52,9 @@ def read(sample):
 
 def tell(message):
     if message.get("say"):
-        print(json.dumps([message["tick"], message["robot"], message["say"]]), flush=True)
+        # In one piece: each subscriber has a thread, and print writes a line's end apart.
+        sys.stdout.write(json.dumps([message["tick"], message["robot"], message["say"]]) + "\n")
+        sys.stdout.flush()
 
 
 def look_on(session, how, key, pause):
