@@ -19,6 +19,7 @@ import signal
 import socket
 import tempfile
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
 from helpers_hosts import NodeProcess
@@ -221,12 +222,28 @@ class _Struck:
         hunt = self.hunt
         if self.by_clock or self.figures["world killed"] or not _can_be_resumed(hunt.out):
             return
+        if self._is_over_while_it_stands_still(hunt.world):
+            # There is nothing to go on with.
+            return
         hunt.world.kill()
         hunt.world.end()
         where = ("--connect" if self.by_router else "--listen", hunt.endpoint)
         hunt.world = hunt.start("world", "--resume", str(hunt.out), *where, *hunt.limits)
         self.names[f"world {len(self.names)}"] = hunt.world
         self.figures["world killed"] += 1
+
+    def _is_over_while_it_stands_still(self, world: NodeProcess) -> bool:
+        """Stop the world; whether its run is over, and then it goes on to its end."""
+        try:
+            os.kill(world.pid, signal.SIGSTOP)
+        except ProcessLookupError:
+            return True
+        until(lambda: _state(world.pid) in "TZX", f"world {world.pid} to stand still")
+        is_over = not world.running or read_recording(self.hunt.out).complete
+        if is_over:
+            with suppress(ProcessLookupError):
+                os.kill(world.pid, signal.SIGCONT)
+        return is_over
 
     # What must hold.
 
