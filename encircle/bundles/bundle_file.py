@@ -116,22 +116,13 @@ def sha256(content: bytes) -> str:
 
 def _refuse_bytes_of_no_member(path: Path, file: zipfile.ZipFile, size: int) -> None:
     """``BundleError`` if something stands before, between or after the members."""
-    infos = file.infolist()
-    entries = sum(
-        ENTRY_BYTES + len(_bytes_of(info)) + len(info.extra) + len(info.comment) for info in infos
-    )
-    starts = sorted([*(info.header_offset for info in infos), file.start_dir])
-    ends = [
-        info.header_offset + HEADER_BYTES + len(_bytes_of(info)) + info.compress_size
-        for info in sorted(infos, key=lambda info: info.header_offset)
-    ]
-    plain = not any(info.extra or info.comment for info in infos)
-    if (
-        file.comment
-        or not plain
-        or starts != [0, *ends]
-        or file.start_dir + entries + END_BYTES != size
-    ):
+    infos = sorted(file.infolist(), key=lambda info: info.header_offset)
+    named = [(info, len(_bytes_of(info))) for info in infos]
+    starts = [*(info.header_offset for info in infos), file.start_dir, size]
+    ends = [i.header_offset + HEADER_BYTES + length + i.compress_size for i, length in named]
+    directory_end = file.start_dir + sum(ENTRY_BYTES + length for _, length in named) + END_BYTES
+    commented = file.comment or any(info.extra or info.comment for info in infos)
+    if commented or starts != [0, *ends, directory_end]:
         raise BundleError(f"{path}: has bytes that belong to no member, which no bundle has")
 
 

@@ -60,6 +60,7 @@
   class Header {
     constructor() {
       this.version = -1;
+      this.channelKey = "";
     }
 
     updateRun(model) {
@@ -74,7 +75,11 @@
       page.byId("channel").title = stage.channel.join("\n");
     }
 
+    /* It changes with ticks and events, and is asked for with every frame. */
     updateChannel(model, tick) {
+      const key = [model.version, tick, model.events.length].join();
+      if (key === this.channelKey) return;
+      this.channelKey = key;
       const { channel } = model.stage;
       const words = channel.slice(0, KNOWN_CHANNEL_MAX);
       const more = channel.length > words.length ? "; …" : "";

@@ -125,8 +125,8 @@ An address may end in #tick=T&robot=NAME&theme=dark&type=large&view=close&play=1
     packetsDrawn = 0;
     if (!view.moment) return false;
     // Where nothing moves, the view is where it belongs.
-    const camera_s = player.playing || player.following ? s : Infinity;
-    const moving = view.camera.update(model, view.moment, view.width, view.height, camera_s);
+    const stretchS = player.playing || player.following ? s : Infinity;
+    const moving = view.camera.update(model, view.moment, view.width, view.height, stretchS);
     const belief = page.beliefOf(view.moment.frame, view.selected);
     Object.assign(view, { belief, showsBelief: Boolean(belief) });
     view.labels.begin();

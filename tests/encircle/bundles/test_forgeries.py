@@ -1,6 +1,5 @@
 """Bundles that mean one thing to who reads them and another to who verifies them; and bombs."""
 
-import io
 import json
 import os
 import re
@@ -297,9 +296,3 @@ def test_code_that_raises_what_ctrl_c_raises_is_not_taken_for_it(monkeypatch):
 )
 def test_equal_is_to_the_last_bit(one, other, same):
     assert equal(one, other) is same
-
-
-def test_a_zip_of_a_zip_reader_is_read_as_that_reads_it(bundle):
-    """All that a bundle holds is what any other tool finds in it."""
-    with zipfile.ZipFile(io.BytesIO(bundle.read_bytes())) as file:
-        assert {name: file.read(name) for name in file.namelist()} == read_members(bundle)
